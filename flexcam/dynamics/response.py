@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.core import FloatArray
+from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import finite_array, refuse, require_packages, suggest_name
 from flexcam.core.html import html_table
 from flexcam.dynamics.blocks import Series
@@ -34,21 +34,24 @@ def component_unit(component: str, unit: str) -> str:
     return unit.replace("m", "rad", 1) if component in ("rx", "ry", "rz") else unit
 
 
-def turning_points(time: FloatArray, values: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
+def turning_points(
+    time: FloatArray, values: FloatArray, slopes: FloatArray, intervals: IntArray | slice = slice(None)
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Return turning points of the cubics between instants, and their values; without one, the first instant.
 
-    Times have the shape (m,), values and slopes (m, ...), results (2 (m - 1), ...).
+    Times have the shape (m,), values and slopes (m, ...), results (2 (m - 1), ...) or two rows per given interval.
     """
-    length = np.diff(time).reshape(-1, *[1] * (values.ndim - 1))
-    rise, begin, end = np.diff(values, axis=0), length * slopes[:-1], length * slopes[1:]
+    first, start = time[:-1][intervals].reshape(-1, *[1] * (values.ndim - 1)), values[:-1][intervals]
+    length = np.diff(time)[intervals].reshape(first.shape)
+    rise, begin, end = values[1:][intervals] - start, length * slopes[:-1][intervals], length * slopes[1:][intervals]
     square, cubic = 3.0 * rise - 2.0 * begin - end, begin + end - 2.0 * rise
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         root = np.sqrt(square**2 - 3.0 * cubic * begin)  # NaN if the cubic has no turning point
         q = -(square + np.copysign(root, square))
         x = np.stack([q / (3.0 * cubic), begin / q])
     x = np.where((x > 0.0) & (x < 1.0), x, 0.0)
-    extremes = values[:-1] + x * (begin + x * (square + x * cubic))
-    instants = time[:-1].reshape(length.shape) + x * length
+    extremes = start + x * (begin + x * (square + x * cubic))
+    instants = first + x * length
     return np.concatenate(instants), np.concatenate(extremes)
 
 
@@ -68,7 +71,14 @@ def value_range(time: FloatArray, values: FloatArray, slopes: FloatArray | None 
 
 
 def _add_turning_points(time: FloatArray, values: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    instants, extremes = turning_points(time, values, slopes)
+    """Return the history with the turning points of those cubics that may leave the range of the values.
+
+    A cubic leaves the range of its ends by no more than 4/27 of its length times the sum of the absolute slopes there.
+    """
+    margin = 4.0 / 27.0 * np.diff(time) * (np.abs(slopes[:-1]) + np.abs(slopes[1:]))
+    above = np.maximum(values[:-1], values[1:]) + margin > values.max()
+    below = np.minimum(values[:-1], values[1:]) - margin < values.min()
+    instants, extremes = turning_points(time, values, slopes, np.flatnonzero(above | below))
     return np.concatenate([time, instants]), np.concatenate([values, extremes])
 
 

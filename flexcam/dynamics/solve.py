@@ -34,7 +34,7 @@ from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.response import STATE, Outline, Response
 from flexcam.dynamics.status import Cause, RunFailedError, Stats, Status
 from flexcam.dynamics.step_state import ProbeTrajectory, SensedTrajectory, Trajectory
-from flexcam.dynamics.system import Observation, Probe, System
+from flexcam.dynamics.system import Observation, PrescribedMotion, Probe, System
 
 _INSTANTS = 64
 """Number of instants of the run at which loads and sensed scalars enter the digest."""
@@ -394,8 +394,12 @@ class _Run(_Observer):
 
 
 def _probe_series(probes: tuple[Probe, ...], series: Series, motion: CamMotion) -> Series:
-    rows = np.concatenate([p.rows for p in probes]) if probes else np.zeros((0, series.displacement.shape[1]))
+    rows = _stacked_rows(probes, series.displacement.shape[1])
     return _offset(probes, Series(*(values @ rows.T for values in series)), motion)
+
+
+def _stacked_rows(probes: tuple[Probe, ...], size: int) -> FloatArray:
+    return np.concatenate([np.zeros((0, size)), *(probe.rows for probe in probes)])
 
 
 def _offset(probes: tuple[Probe, ...], series: Series, motion: CamMotion) -> Series:
@@ -411,13 +415,9 @@ def _offset(probes: tuple[Probe, ...], series: Series, motion: CamMotion) -> Ser
     return Series(d, v, a)
 
 
-def prescribed_probes(system: System, motion: CamMotion) -> Series:
-    """Return the motion of the probes of a system in prescribed motion."""
-    if system.prescribed_motion is None:
-        motions = (np.zeros((len(motion.angle), system.size)),) * 3
-    else:
-        motions = system.prescribed_motion.at(motion)
-    return _probe_series(system.probes, Series(*motions), motion)
+def prescribed_probes(system: System, prescribed: PrescribedMotion, motion: CamMotion) -> Series:
+    """Return the motion of the probes of a system in a prescribed motion."""
+    return _offset(system.probes, Series(*prescribed.along(_stacked_rows(system.probes, system.size), motion)), motion)
 
 
 _TIME_UP = Status(Cause.TIME_LIMIT, "the run reached its time limit", CONTINUE)

@@ -254,6 +254,10 @@ class PrescribedMotion(Protocol):
         """Return displacement, velocity and acceleration at some instants, shape (m, n) each."""
         ...
 
+    def along(self, rows: FloatArray, motion: CamMotion) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the same along some rows of the unknowns, shape (k, n): three arrays of the shape (m, k)."""
+        ...
+
     def complete_forces(
         self, motion: CamMotion, residual: FloatArray, work: VirtualWork, rate: FloatArray,
         local: FloatArray,

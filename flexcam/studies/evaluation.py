@@ -129,9 +129,8 @@ def _deviation_scalars(ready: PreparedRun, response: Response) -> Iterator[Metri
     if ready.case.record.fidelity.model == "rigid" or not ready.case.record.output.probes:
         return
     try:
-        system = replace(ready.problem.system, prescribed_motion=rigid_motion(ready.model))
-        probes = prescribed_probes(system, ready.problem.drive.at(response.time))
-        rigid = replace(response, outline=outline(system), probes=probes)
+        system, motion = ready.problem.system, ready.problem.drive.at(response.time)
+        rigid = replace(response, probes=prescribed_probes(system, rigid_motion(ready.model), motion))
         comparison = compare(response, rigid, scalar_probe(ready), ready.case.speed / RPM)
     except InputError:
         return

@@ -79,18 +79,19 @@ class RigidTrains:
     def at(self, motion: CamMotion) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return displacement, velocity and acceleration at some instants, shape (m, n) each."""
         result = np.zeros((3, len(motion.angle), self.size))
-        speed, rate = motion.speed[:, None], motion.rate[:, None]
         for train in self.trains:
-            z, slope, bend = train.solve(motion.cam).z
-            for values, scalars in zip(result, (z, slope * speed, bend * speed**2 + slope * rate), strict=True):
+            for values, scalars in zip(result, _scalar_motion(train, motion), strict=True):
                 values[:, train.dofs] = scalars @ train.motions
         return result[0], result[1], result[2]
 
-    def along(self, row: FloatArray, motion: CamMotion) -> FloatArray:
-        """Return the displacement along a row of the unknowns, shape (n,), at some instants, shape (m,)."""
-        rows = [(train, train.motions @ row[train.dofs]) for train in self.trains]
-        displacements = [train.solve(motion.cam).z[0] @ reduced for train, reduced in rows if reduced.any()]
-        return sum(displacements, np.zeros(len(motion.angle)))
+    def along(self, rows: FloatArray, motion: CamMotion) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the motion along k rows of the unknowns, shape (m, k) each, see `PrescribedMotion`."""
+        result = np.zeros((3, len(motion.angle), len(rows)))
+        for train in self.trains:
+            motions = train.motions @ rows[:, train.dofs].T
+            if motions.any():
+                result += [scalars @ motions for scalars in _scalar_motion(train, motion)]
+        return result[0], result[1], result[2]
 
     def complete_forces(
         self, motion: CamMotion, residual: FloatArray, work: VirtualWork, rate: FloatArray, local: FloatArray
@@ -152,11 +153,18 @@ def _balance(virtual: FloatArray, vectors: FloatArray, residual: FloatArray) -> 
 
 
 @lru_cache(maxsize=4)
+@lru_cache(maxsize=2)
 def rigid_motion(model: Model) -> RigidTrains:
     """Return the motion of all unknowns of a model with rigid trains; contact forces need `build_rigid`."""
     structure = build_structure(model)
     size = structure.dofs.size
     return RigidTrains(size, load_trains(structure, steady_load(given_loads(structure), size)), {})
+
+
+def _scalar_motion(train: RigidTrain, motion: CamMotion) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the scalars of a train and their time derivatives at some instants, shape (m, d) each."""
+    (z, slope, bend), speed, rate = train.solve(motion.cam).z, motion.speed[:, None], motion.rate[:, None]
+    return z, slope * speed, bend * speed**2 + slope * rate
 
 
 def build_rigid(model: Model, speed: float) -> System:

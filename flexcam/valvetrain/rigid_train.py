@@ -121,7 +121,7 @@ class RigidTrain:
     def branches(self) -> tuple[Branch, ...]:
         """Branches over a revolution; where several fit, such as on the base circle, the one with most closed seats."""
         lifts = self._lifts(CamFunctionCache(np.linspace(0.0, 2.0 * np.pi, 721)), 0)
-        unique = {branch.closed: branch for branch, _ in self._assign(lifts, ())}.values()
+        unique = {branch.closed: branch for branch, _, _ in self._assign(lifts, ())}.values()
 
         def order(branch: Branch) -> tuple[int, int]:
             return -sum(self.stops[i].is_seat for i in branch.stops), len(branch.stops)
@@ -135,20 +135,19 @@ class RigidTrain:
     def _solve(self, cam: CamFunctionCache) -> RigidMotion:
         lift, slope, bend = (self._lifts(cam, order) for order in range(3))
         z = np.empty((3, len(lift), len(self.force)))
-        parts = tuple(self._assign(lift, self.branches))
-        for branch, rows in parts:
-            z[0, rows] = branch.positions(lift[rows])[0]
-            z[1:, rows] = branch.derivatives(z[0, rows], slope[rows], bend[rows])
-        return RigidMotion(z, parts)
+        parts = self._assign(lift, self.branches)
+        for branch, rows, positions in parts:
+            z[0, rows], z[1:, rows] = positions, branch.derivatives(positions, slope[rows], bend[rows])
+        return RigidMotion(z, tuple((branch, rows) for branch, rows, _ in parts))
 
     def _lifts(self, cam: CamFunctionCache, order: int) -> FloatArray:
         """Return the lifts of the cams or their derivatives by the cam angle, shape (m, cams)."""
         rows = [cam(drive.lift, order) for drive in self.drives]
         return np.array(rows).reshape(len(rows), len(cam.angle)).T
 
-    def _assign(self, lifts: FloatArray, known: Sequence[Branch]) -> list[tuple[Branch, IntArray]]:
-        """Return the branches of lifts, shape (m, cams), and the instants of each; known ones come first."""
-        assigned: list[tuple[Branch, IntArray]] = []
+    def _assign(self, lifts: FloatArray, known: Sequence[Branch]) -> list[tuple[Branch, IntArray, FloatArray]]:
+        """Return the branches of lifts, shape (m, cams), with their instants and positions z; known ones come first."""
+        assigned: list[tuple[Branch, IntArray, FloatArray]] = []
         remaining, candidates = np.arange(len(lifts)), list(known)
         while len(remaining):
             branch = candidates.pop(0) if candidates else Branch(self, find_closed_stops(self, lifts[remaining[0]]))
@@ -158,7 +157,7 @@ class RigidTrain:
                 branch.check(z[0], forces[0], lifts[remaining[0]])
                 good[0] = True
             if good.any():
-                assigned.append((branch, remaining[good]))
+                assigned.append((branch, remaining[good], z[good]))
             remaining = remaining[~good]
         return assigned
 
@@ -370,4 +369,6 @@ def is_independent(row: FloatArray, others: Sequence[FloatArray]) -> bool:
 
 def _solve(matrices: FloatArray, right: FloatArray) -> FloatArray:
     """Return the solutions for given right sides, shape (m, n), of one or m matrices."""
+    if len(matrices) == 1:
+        return np.linalg.solve(matrices[0], right.T).T.astype(np.float64)
     return np.linalg.solve(matrices, right[..., None])[..., 0].astype(np.float64)

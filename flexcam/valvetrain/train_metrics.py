@@ -278,7 +278,8 @@ def valve_loft(model: Model, response: Response, name: str, seat: Seat, instants
     nose = _flanks(model.cams[model.cam_contacts[contact].cam], angle)["nose"]
     if not nose.any():
         return None
-    rigid = motion.along(build_structure(model).row(seat.at, seat.direction), ConstantSpeed(1.0).at(angle))
+    row = build_structure(model).row(seat.at, seat.direction)
+    rigid = motion.along(row[None], ConstantSpeed(1.0).at(angle))[0][:, 0]
     loft = response.channels[f"contacts.{name}.gap"][instants] - rigid
     if float(np.abs(loft[nose]).max()) < _RIGID:  # the rigid model, in which nothing expands
         return float(loft[nose].max())

@@ -37,6 +37,16 @@ def test_peak_of_coarse_sine(steps):
     assert min(abs(at - k * np.pi) for k in range(3)) < 1e-9
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_peak_and_range_include_every_turning_point(seed):
+    random = np.random.default_rng(seed)
+    time, values = np.cumsum(random.uniform(0.1, 2.0, 30)), random.normal(size=30)
+    slopes = random.normal(size=30) * random.choice([0.1, 1.0, 10.0], 30)
+    points = np.append(values, turning_points(time, values, slopes)[1])
+    assert peak(time, values, slopes)[0] == np.abs(points).max()
+    assert value_range(time, values, slopes) == np.ptp(points)
+
+
 def test_peak_of_empty_history_is_zero():
     nothing = np.zeros(0)
     assert peak(nothing, nothing, nothing) == (0.0, 0.0)
