@@ -130,6 +130,17 @@ class CamFacts:
         maximum = max(abs(end.value) for end in self.profile.extremes.offset)
         return 2.0 * self.cam.follower.face_radius(maximum, self.cam.width)
 
+    def separation(self, other: CamFacts) -> float:
+        """Return the angle between the centrelines of two cams, rad of the camshaft, up to pi."""
+        return abs(math.remainder(self.centreline - other.centreline, 2.0 * math.pi))
+
+    def may_overlap(self, other: CamFacts) -> bool:
+        """Return whether two cams may overlap: exhaust and intake of one cylinder, or not known."""
+        first, second = self.centreline_after_tdc, other.centreline_after_tdc
+        if first is None or second is None:
+            return True
+        return len(cylinders({"one": self, "other": other})) == 1 and (first < 0.0) != (second < 0.0)
+
     def valve_lift(self, lift: FloatArray) -> FloatArray:
         """Return the lift of the valve for a lift of the cam, m."""
         return np.maximum(self.ratio * (lift - self.lash), 0.0)
@@ -219,11 +230,6 @@ def valve_overlaps(facts: Mapping[str, CamFacts]) -> list[tuple[str, str, str, f
     return overlaps
 
 
-def lobe_separation(one: CamFacts, other: CamFacts) -> float:
-    """Return the angle between the centrelines of two cams, rad of the camshaft, up to pi."""
-    return abs(math.remainder(one.centreline - other.centreline, 2.0 * math.pi))
-
-
 def cylinders(facts: Mapping[str, CamFacts]) -> list[dict[str, CamFacts]]:
     """Return the cams with the same top dead centre, as far as it is given."""
     groups: dict[float, dict[str, CamFacts]] = {}
@@ -232,14 +238,6 @@ def cylinders(facts: Mapping[str, CamFacts]) -> list[dict[str, CamFacts]]:
             angle = round(cam.tdc % (2.0 * math.pi), _ANGLE_DECIMALS) % round(2.0 * math.pi, _ANGLE_DECIMALS)
             groups.setdefault(angle, {})[name] = cam
     return list(groups.values())
-
-
-def exhaust_and_intake(one: CamFacts, other: CamFacts) -> bool:
-    """Return whether two cams may overlap: exhaust and intake of one cylinder, or not known."""
-    first, second = one.centreline_after_tdc, other.centreline_after_tdc
-    if first is None or second is None:
-        return True
-    return len(cylinders({"one": one, "other": other})) == 1 and (first < 0.0) != (second < 0.0)
 
 
 _ANGLE_DECIMALS = 6  # decimals of a cam angle, rad, in which those of the same dead centre agree

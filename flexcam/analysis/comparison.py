@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.histories import check_scalar_probe
 from flexcam.analysis.preparation import PreparedRun, prepare
 from flexcam.analysis.run import run
 from flexcam.cams import event_extremes
@@ -24,6 +23,7 @@ from flexcam.dynamics import (
     ProgressCallback,
     Response,
     Status,
+    check_scalar_probe,
     equilibrium,
     peak,
     reraise_interrupt,

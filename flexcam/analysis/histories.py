@@ -9,9 +9,8 @@ from typing import Literal
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import refuse, suggest_name
-from flexcam.dynamics import SLOPES, Block, History, Outline, Response, Series, peak, value_range
-from flexcam.io.exports import scalar_probes
+from flexcam.core.errors import refuse
+from flexcam.dynamics import SLOPES, Response, Series, peak, scalar_history, value_range
 from flexcam.valvetrain import seating
 
 _INSTANT_TOLERANCE = 1e-6  # tolerance for equal instants relative to a step
@@ -44,27 +43,6 @@ class Histories:
         history = self.time, self.values[quantity], self.slopes.get(quantity)
         extent = value_range(*history) if quantity == "lift" else 0.0
         return extent or peak(*history)[0]
-
-
-def scalar_history(response: Response, probe: str) -> History:
-    """Return the history of a scalar probe."""
-    check_scalar_probe(probe, response.outline)
-    return response[probe]
-
-
-def check_scalar_probe(probe: str, *outlines: Outline) -> None:
-    """Raise an error if not all responses have a scalar probe of this name."""
-    known = [scalar_probes(outline) for outline in outlines]
-    scalars = [name for name in known[0] if all(name in names for names in known)]
-    several = dict(outlines[0].probes).get(probe, ())
-    if len(several) > 1:
-        components = ", ".join(f"{probe}.{component}" for component in several)
-        raise refuse("probe", repr(probe), components, "it has several components", "name one")
-    if probe not in scalars:
-        allowed = ", ".join(scalars) or "(no probe was saved)"
-        if any(probe in names for names in known):
-            raise refuse("probe", repr(probe), allowed, "one of the models has no such probe", "choose another --probe")
-        raise refuse("probe", repr(probe), allowed, "there is no such probe", suggest_name(probe, scalars))
 
 
 def extract_histories(response: Response, probe: str) -> Histories:
@@ -133,11 +111,3 @@ def _maximum_difference(fine: Histories, coarse: Histories, name: str, differenc
     values, rates = coarse.values[name][:, None], slopes[:, None]
     curve = Series(values, rates, np.zeros_like(rates)).interpolate(coarse.time, fine.time[common]).displacement[:, 0]
     return max(maximum, float(np.abs(fine.values[name][common] - curve).max(initial=0.0)))
-
-
-def response_block(response: Response) -> Block:
-    """Return a response as one block, for sinks."""
-    rows = [response.channels[name] for name, _ in response.outline.channels]
-    channels = np.column_stack(rows) if rows else np.zeros((len(response.time), 0))
-    saved = response.field_time, response.field_angle, response.fields
-    return Block(response.time, response.angle, response.probes, channels, *saved)

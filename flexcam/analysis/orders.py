@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.histories import scalar_history
 from flexcam.analysis.preparation import PreparedRun, prepare
 from flexcam.cams import OrderSpectrum, order_spectrum
 from flexcam.case.case import Case
@@ -23,6 +22,7 @@ from flexcam.dynamics import (
     Status,
     component_unit,
     reraise_interrupt,
+    scalar_history,
     solve,
     track_progress,
 )

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.histories import check_scalar_probe
 from flexcam.analysis.resources import check_mesh_memory
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
@@ -36,6 +35,7 @@ from flexcam.dynamics import (
     SaveAt,
     State,
     System,
+    check_scalar_probe,
     installed_state,
     method_refusal,
     moving_equilibrium,

@@ -16,7 +16,6 @@ from typing import Literal
 
 import numpy as np
 
-from flexcam.analysis.histories import response_block
 from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search
 from flexcam.analysis.resources import ResourceEstimate, check_resources, estimate_resources
 from flexcam.analysis.run_metrics import compute_metrics
@@ -215,7 +214,7 @@ def member_strength(ready: PreparedRun, response: Response) -> StrengthSink:
     """Return the stresses of the members over a run, from its saved fields."""
     sink = strength_sink(ready)
     if ready.case.record.fidelity.model == "beams":
-        sink.write(response_block(response))
+        sink.write(response.to_block())
     return sink
 
 

@@ -14,7 +14,6 @@ from typing import Literal, Self
 
 import numpy as np
 
-from flexcam.analysis.histories import response_block
 from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.run_metrics import RevolutionChange, has_whole_revolution
 from flexcam.cams import FlatFollower, Follower, RollerFollower, profile_at, undercut
@@ -214,7 +213,7 @@ class RunMonitor:
         """Return the sinks for a finished run, from its histories."""
         monitor = cls.of(ready)
         for sink in monitor.sinks:
-            sink.write(response_block(response))
+            sink.write(response.to_block())
         return monitor
 
     @property

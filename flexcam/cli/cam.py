@@ -380,7 +380,7 @@ def _describe_cams(cams: CamSet, by_cam: Mapping[str, CamFacts]) -> cli.CommandO
         "cams": {key: _cam_json(facts, cams.reports.get(key)) for key, facts in by_cam.items()},
         "overlaps": [dict(zip(("one", "other", "lift", "angle"), pair, strict=True)) for pair in pairs],
         "lobe_separations": [
-            {"one": first, "other": second, "angle": cam_analysis.lobe_separation(by_cam[first], by_cam[second])}
+            {"one": first, "other": second, "angle": by_cam[first].separation(by_cam[second])}
             for first, second in combinations(by_cam, 2)
         ],
     }
@@ -398,9 +398,9 @@ def _describe_cams(cams: CamSet, by_cam: Mapping[str, CamFacts]) -> cli.CommandO
             ]
             parts.append(facts_table(f"Lift table of {key}", rows))
     crossed = [
-        (f"{first} and {second}", f"{math.degrees(cam_analysis.lobe_separation(by_cam[first], by_cam[second])):.2f}",
+        (f"{first} and {second}", f"{math.degrees(by_cam[first].separation(by_cam[second])):.2f}",
          lift, f"{math.degrees(angle):.2f}")
-        for first, second, lift, angle in pairs if cam_analysis.exhaust_and_intake(by_cam[first], by_cam[second])
+        for first, second, lift, angle in pairs if by_cam[first].may_overlap(by_cam[second])
     ]  # fmt: skip
     if crossed:
         head = ("cams", "lobe separation, cam deg", "at a lift of", "overlap, crank deg")

@@ -14,7 +14,7 @@ from cyclopts import Parameter
 from numpy.typing import NDArray
 
 from flexcam import plotting
-from flexcam.analysis.cam_analysis import CamFacts, cam_facts, case_cams, cylinders, exhaust_and_intake
+from flexcam.analysis.cam_analysis import CamFacts, cam_facts, case_cams, cylinders
 from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.orders import run_over_speeds
@@ -236,7 +236,7 @@ def _valve_overlap(options: FigureOptions, tdc: float, crank: FloatArray) -> NDA
     cylinder = next(cylinder for cylinder in cylinders(facts) if any(lobe.tdc == tdc for lobe in cylinder.values()))
     both = np.zeros(len(crank), dtype=bool)
     for first, second in combinations(cylinder, 2):
-        both |= opened[first] & opened[second] & exhaust_and_intake(cylinder[first], cylinder[second])
+        both |= opened[first] & opened[second] & cylinder[first].may_overlap(cylinder[second])
     return both
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import finite_array, refuse, require_packages, suggest_name
 from flexcam.core.html import html_table
-from flexcam.dynamics.blocks import Series
+from flexcam.dynamics.blocks import Block, Series
 from flexcam.dynamics.status import Stats, Status
 
 if TYPE_CHECKING:
@@ -277,6 +277,12 @@ class Response:
         frame.attrs["units"] = {"time": "s", **{name: unit for name, (_, unit) in columns.items()}}
         return frame
 
+    def to_block(self) -> Block:
+        """Return the response as one block, for sinks."""
+        rows = [self.channels[name] for name, _ in self.outline.channels]
+        channels = np.column_stack(rows) if rows else np.zeros((len(self.time), 0))
+        return Block(self.time, self.angle, self.probes, channels, self.field_time, self.field_angle, self.fields)
+
     @property
     def inner(self) -> FloatArray:
         """Internal states of the local laws at the end, shape (s,)."""
@@ -342,3 +348,29 @@ class Response:
         components = parts[name] if name in parts else (name.rpartition(".")[2],)
         series = [values[:, columns.start] if is_single else values[:, columns] for values in self.probes]
         return History(name, components, *series)
+
+
+def scalar_probes(outline: Outline) -> dict[str, str]:
+    """Return the component of every scalar probe by name, such as ``cam.uy``; a probe of one keeps its name."""
+    return {name if len(parts) == 1 else f"{name}.{part}": part for name, parts in outline.probes for part in parts}
+
+
+def scalar_history(response: Response, probe: str) -> History:
+    """Return the history of a scalar probe."""
+    check_scalar_probe(probe, response.outline)
+    return response[probe]
+
+
+def check_scalar_probe(probe: str, *outlines: Outline) -> None:
+    """Raise an error if not all responses have a scalar probe of this name."""
+    known = [scalar_probes(outline) for outline in outlines]
+    scalars = [name for name in known[0] if all(name in names for names in known)]
+    several = dict(outlines[0].probes).get(probe, ())
+    if len(several) > 1:
+        components = ", ".join(f"{probe}.{component}" for component in several)
+        raise refuse("probe", repr(probe), components, "it has several components", "name one")
+    if probe not in scalars:
+        allowed = ", ".join(scalars) or "(no probe was saved)"
+        if any(probe in names for names in known):
+            raise refuse("probe", repr(probe), allowed, "one of the models has no such probe", "choose another --probe")
+        raise refuse("probe", repr(probe), allowed, "there is no such probe", suggest_name(probe, scalars))

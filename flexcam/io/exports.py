@@ -12,7 +12,7 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse, suggest_name
-from flexcam.dynamics import Outline, Response
+from flexcam.dynamics import Response
 from flexcam.fem.mesh import Mesh
 from flexcam.io.files import atomic_write_path, check_writable, create_folder, write_columns, write_text
 from flexcam.io.hdf5 import write_digest, write_texts
@@ -177,11 +177,6 @@ def write_csv(
     columns.update({f"{name} [{units[name]}]": values for name, values in response.channels.items()})
     write_columns(path, columns, digits=17, every=every)
     return path
-
-
-def scalar_probes(outline: Outline) -> dict[str, str]:
-    """Return the component of every scalar probe by name, such as ``cam.uy``; a probe of one keeps its name."""
-    return {name if len(parts) == 1 else f"{name}.{part}": part for name, parts in outline.probes for part in parts}
 
 
 def energies(response: Response) -> dict[str, FloatArray]:

@@ -1,7 +1,7 @@
 """Curves with matplotlib and mechanisms in 3D with pyvista; a module of figures is loaded when it is first used.
 
-May import `analysis` and everything below it. A new figure is a function that draws into given axes;
-a new solid is a function in `scene.parts`.
+May import `case` and everything below it; results of `analysis` occur only in annotations. A new figure is a function
+that draws into given axes; a new solid is a function in `scene.parts`.
 """
 
 from importlib import import_module

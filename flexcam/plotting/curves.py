@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +13,6 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from flexcam import cams
-from flexcam.analysis.cam_analysis import CamFacts, exhaust_and_intake, lobe_separation
 from flexcam.core import ComplexArray, FloatArray
 from flexcam.core.units import format_quantity, to_display_unit
 from flexcam.fem.sections import Material
@@ -28,6 +27,9 @@ from flexcam.plotting.figures import (
 )
 from flexcam.valvetrain import MemberStrength, Spring
 from flexcam.valvetrain.springs import spring_curve, wire_stress
+
+if TYPE_CHECKING:
+    from flexcam.analysis.cam_analysis import CamFacts
 
 LAW_LABELS = ("s", "s'", "s''", "s'''")  # axis labels of laws, from top to bottom
 LAW_POSITION = "z, part of the rise"  # abscissa label of laws
@@ -86,9 +88,9 @@ def timing_figure(cylinder: Mapping[str, CamFacts]) -> Figure:
         axes.plot(crank, lifts[name], label=label, color=color, linestyle=dashes)
         axes.plot([middle, middle], [0.0, lifts[name].max()], color=color, linestyle=":", linewidth=0.8)
     for first, second in combinations(cylinder, 2):
-        if exhaust_and_intake(cylinder[first], cylinder[second]):
+        if cylinder[first].may_overlap(cylinder[second]):
             both = np.minimum(lifts[first], lifts[second])
-            separation = math.degrees(lobe_separation(cylinder[first], cylinder[second]))
+            separation = math.degrees(cylinder[first].separation(cylinder[second]))
             label = f"both open; lobe separation {separation:.4g}° of the camshaft"
             axes.fill_between(crank, both, color="0.75", label=label)
     mark_dead_centres([axes])

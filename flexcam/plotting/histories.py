@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,12 +15,10 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
-from flexcam.analysis.histories import check_scalar_probe, scalar_history
-from flexcam.analysis.model_choice import ModelEvaluation
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.core.units import to_display_unit
-from flexcam.dynamics import SERIES, Response, Series, component_unit
+from flexcam.dynamics import SERIES, Response, Series, check_scalar_probe, component_unit, scalar_history
 from flexcam.io.exports import energies
 from flexcam.io.sweep_table import Column, SweepTable
 from flexcam.plotting.figures import (
@@ -33,6 +31,9 @@ from flexcam.plotting.figures import (
     line_styles,
     wrap_title,
 )
+
+if TYPE_CHECKING:
+    from flexcam.analysis.model_choice import ModelEvaluation
 
 Abscissa = Literal["angle", "time", "crank"]
 """Abscissa of the curves of a run: cam angle, time, or crank angle of a four-stroke engine."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -13,8 +14,6 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from flexcam.analysis.natural_modes import Campbell
-from flexcam.analysis.orders import Waterfall
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.core.units import to_display_unit
@@ -23,6 +22,10 @@ from flexcam.fem.recovery import deflection
 from flexcam.plotting.figures import COLOURS, add_legend, create_axes, create_stacked_axes, line_styles, wrap_title
 from flexcam.plotting.histories import axis_label, channel_unit, last_revolution, short_name
 from flexcam.valvetrain import ModelModes, Structure
+
+if TYPE_CHECKING:
+    from flexcam.analysis.natural_modes import Campbell
+    from flexcam.analysis.orders import Waterfall
 
 _MAX_CIRCLE_AREA = 160.0  # area of the largest circle, points squared
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.units import to_display_unit
-from flexcam.dynamics import SERIES, STATE, Response, component_unit
+from flexcam.dynamics import SERIES, STATE, Response, component_unit, scalar_probes
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.recovery import deflection
-from flexcam.io.exports import energies, scalar_probes
+from flexcam.io.exports import energies
 from flexcam.report.content import Chart, ChartGroup, Curve, Panel, ReportSubject, Scene, Shape
 from flexcam.valvetrain import Structure
 

@@ -20,14 +20,13 @@ from numpy.typing import NDArray
 
 from flexcam import __version__, plotting
 from flexcam.analysis.comparison import Comparison, compare_responses
-from flexcam.analysis.histories import scalar_history
 from flexcam.analysis.preparation import scalar_probe
 from flexcam.analysis.run_checks import RunMonitor, check_run
 from flexcam.analysis.run_metrics import compute_margins, compute_metrics
 from flexcam.case.input_checks import check_shared_seat_load
 from flexcam.core.errors import FlexcamError, InputError, capitalize
 from flexcam.core.units import RPM
-from flexcam.io.exports import scalar_probes
+from flexcam.dynamics import scalar_history, scalar_probes
 from flexcam.report import content
 from flexcam.report.content import Chapter, Picture, Report, ReportOptions, ReportSubject, RestoredCase, report_table
 from flexcam.report.figures import Runs, build_albums, scene

@@ -40,10 +40,10 @@ from flexcam.dynamics import (
     outline,
     peak,
     prescribed_probes,
+    scalar_probes,
     solve,
 )
 from flexcam.io import temporary_folder
-from flexcam.io.exports import scalar_probes
 from flexcam.studies.plan import Bundle, Row, catch_all_errors, evaluate_each
 from flexcam.valvetrain import Metric, Model, rigid_motion, train_metric_names
 

@@ -18,8 +18,7 @@ from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse, suggest_name
 from flexcam.core.units import conversion_factor
-from flexcam.dynamics import SERIES, Outline, RunFailedError, SaveAt, Status, outline, solve
-from flexcam.io.exports import scalar_probes
+from flexcam.dynamics import SERIES, Outline, RunFailedError, SaveAt, Status, outline, scalar_probes, solve
 from flexcam.io.files import ABSCISSAS, find_abscissa, read_mdf
 from flexcam.io.number_tables import read_columns
 from flexcam.studies.evaluation import get_history, history_units

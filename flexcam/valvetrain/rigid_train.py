@@ -370,5 +370,5 @@ def is_independent(row: FloatArray, others: Sequence[FloatArray]) -> bool:
 def _solve(matrices: FloatArray, right: FloatArray) -> FloatArray:
     """Return the solutions for given right sides, shape (m, n), of one or m matrices."""
     if len(matrices) == 1:
-        return np.linalg.solve(matrices[0], right.T).T.astype(np.float64)
+        return np.asarray(np.linalg.solve(matrices[0], right.T), dtype=float).T
     return np.linalg.solve(matrices, right[..., None])[..., 0].astype(np.float64)

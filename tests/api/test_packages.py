@@ -26,10 +26,12 @@ def files(package):
 
 
 def imported_packages(package):
-    """Return the packages that the files of a package import, anywhere in a file."""
+    """Return the packages that the files of a package import at run time, anywhere in a file."""
     found = set()
     for path in files(package):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        tree.body = [node for node in tree.body if not (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node))]
+        for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("flexcam."):
                 found.add(node.module.split(".")[1])
             elif isinstance(node, ast.ImportFrom) and node.module == "flexcam":

@@ -12,12 +12,11 @@ import pytest
 from flexcam import read_case
 from flexcam.analysis.limits import Limit, Limits
 from flexcam.analysis.run_metrics import Margins
-from flexcam.dynamics import Outline, Response, Series
+from flexcam.dynamics import Outline, Response, Series, scalar_probes
 from flexcam.fem.assembly import Member, build_beams
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.recovery import deflection
 from flexcam.fem.sections import Section
-from flexcam.io.exports import scalar_probes
 from flexcam.report.content import (
     Chapter,
     Chart,
