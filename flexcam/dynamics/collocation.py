@@ -24,7 +24,8 @@ _PARABOLA = np.array([[1.0, 0.0, 0.0], [-3.0, 4.0, -1.0], [4.0, -8.0, 4.0]])
 """Value and the first two derivatives, by the length of the step, at the beginning of the parabola through the values
 at beginning, middle and end."""
 
-_POINTS = 0.5, 1.0
+_AT_POINTS = np.array([[[1.0, x, 0.5 * x * x], [0.0, 1.0, x], [0.0, 0.0, 1.0]] for x in (0.5, 1.0)]) @ _PARABOLA
+"""The same at middle and end, shape (2, 3, 3)."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +62,10 @@ class Collocation(Method):
         return newmark().stepper(system, forces, step, at)
 
 
-def stage_coefficients(mass: FloatArray, damping: FloatArray, stiffness: FloatArray, length: float) -> FloatArray:
-    """Return the coefficients of a step of some length, s, for each of n modes, shape (2, 3, 5, n).
+def stage_coefficients(
+    mass: FloatArray, damping: FloatArray, stiffness: FloatArray, length: float | FloatArray
+) -> FloatArray:  # fmt: skip
+    """Return the coefficients of a step of each of n modes, of one length or one per mode, s, shape (2, 3, 5, n).
 
     First axis: middle and end of the step. Second axis: displacement, velocity, acceleration. Third axis: displacement
     and velocity at the beginning, forces at beginning, middle and end. The acceleration is by displacement and velocity
@@ -76,32 +79,32 @@ def stage_coefficients(mass: FloatArray, damping: FloatArray, stiffness: FloatAr
     >>> bool(abs(end[0, 2:].sum() - 2.0) < 1e-14)
     True
     """
-    coefficients = np.zeros((2, 3, 5, len(mass)))
+    coefficients, length = np.zeros((2, 3, 5, len(mass))), np.broadcast_to(length, mass.shape)
     heavy = mass != 0.0
     damped = ~heavy & (damping != 0.0)
     static = ~heavy & ~damped
-    coefficients[..., heavy] = _modes_with_mass(mass[heavy], damping[heavy], stiffness[heavy], length)
+    coefficients[..., heavy] = _modes_with_mass(mass[heavy], damping[heavy], stiffness[heavy], length[heavy])
     if damped.any():
-        coefficients[..., damped] = _modes_with_damper(damping[damped], stiffness[damped], length)
-    coefficients[..., static] = _modes_with_spring(stiffness[static], length)
+        coefficients[..., damped] = _modes_with_damper(damping[damped], stiffness[damped], length[damped])
+    coefficients[:, :, 2:, static] = _parabola_weights(length[static]) / stiffness[static]
     return coefficients
 
 
-def _modes_with_mass(m: FloatArray, c: FloatArray, k: FloatArray, length: float) -> FloatArray:
+def _modes_with_mass(m: FloatArray, c: FloatArray, k: FloatArray, length: FloatArray) -> FloatArray:
     rates = np.zeros((len(m), 5, 5))  # of q, length v, and the force with its derivatives, by time over length
     rates[:, 0, 1] = rates[:, 2, 3] = rates[:, 3, 4] = 1.0
     rates[:, 1, :3] = np.stack([-(length**2) * k / m, -length * c / m, length**2 / m], axis=1)
     motion = _over_step(rates)
     coefficients = np.zeros((2, 3, 5, len(m)))
-    coefficients[:, 0] = (motion[:, :, 0] * [1.0, length, 1.0, 1.0, 1.0]).transpose(1, 2, 0)
-    coefficients[:, 1] = (motion[:, :, 1] * [1.0 / length, 1.0, *[1.0 / length] * 3]).transpose(1, 2, 0)
-    coefficients[:, 2, :2] = -np.stack([k / m, c / m])
-    for stage, (value, _, _) in enumerate(_parabola_weights(length)):
-        coefficients[stage, 2, 2:] = value[:, None] / m
+    coefficients[:, :2] = motion.transpose(1, 2, 3, 0)
+    coefficients[:, 0, 1] *= length
+    coefficients[:, 1, [0, 2, 3, 4]] /= length
+    coefficients[:, 2, 0], coefficients[:, 2, 1] = -k / m, -c / m
+    coefficients[:, 2, 2:] = _parabola_weights(length)[:, 0] / m
     return coefficients
 
 
-def _modes_with_damper(c: FloatArray, k: FloatArray, length: float) -> FloatArray:
+def _modes_with_damper(c: FloatArray, k: FloatArray, length: FloatArray) -> FloatArray:
     rates = np.zeros((len(c), 4, 4))  # of q, and the force with its derivatives, by time over length
     rates[:, 1, 2] = rates[:, 2, 3] = 1.0
     rates[:, 0, :2] = np.stack([-length * k / c, length / c], axis=1)
@@ -110,16 +113,7 @@ def _modes_with_damper(c: FloatArray, k: FloatArray, length: float) -> FloatArra
     coefficients[:, 0, 0], coefficients[:, 0, 2:] = motion[:, 0], motion[:, 1:]
     coefficients[:, 1] = -coefficients[:, 0] * (k / c)
     coefficients[:, 2, 1] = -k / c
-    for stage, (value, slope, _) in enumerate(_parabola_weights(length)):
-        coefficients[stage, 1, 2:] += value[:, None] / c
-        coefficients[stage, 2, 2:] = slope[:, None] / c
-    return coefficients
-
-
-def _modes_with_spring(k: FloatArray, length: float) -> FloatArray:
-    coefficients = np.zeros((2, 3, 5, len(k)))
-    for stage, weights in enumerate(_parabola_weights(length)):
-        coefficients[stage, :, 2:] = np.array(weights)[:, :, None] / k
+    coefficients[:, 1:, 2:] += _parabola_weights(length)[:, :2] / c
     return coefficients
 
 
@@ -133,16 +127,12 @@ def _over_step(rates: FloatArray) -> FloatArray:
     return motion[:, :, :-3]
 
 
-def _parabola_weights(length: float) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Return value, slope and second derivative of the parabola at middle and end by its values at three points."""
-    return [
-        (
-            np.array([1.0, x, 0.5 * x * x]) @ _PARABOLA,
-            np.array([0.0, 1.0, x]) @ _PARABOLA / length,
-            _PARABOLA[2] / length**2,
-        )
-        for x in _POINTS
-    ]
+def _parabola_weights(length: FloatArray) -> FloatArray:
+    """Return value, slope and second derivative of the parabola at middle and end by its values at three points.
+
+    For n lengths, s, the shape is (2, 3, 3, n).
+    """
+    return _AT_POINTS[..., None] / np.stack([np.ones_like(length), length, length**2])[:, None]
 
 
 def collocation() -> Collocation:

@@ -72,11 +72,6 @@ class StepOperator:
     #: Treatment of the damping that couples modes, shape (lengths, stages, stages, n, n); empty without it.
     inverse: FloatArray
 
-    def followed_by(self, shorter: StepOperator) -> StepOperator:
-        """Return the steps of both lengths."""
-        names = ("lengths", "slopes", "operator", "answers", "give", "inverse")
-        return replace(self, **{name: np.concatenate([getattr(self, name), getattr(shorter, name)]) for name in names})
-
 
 @dataclass(frozen=True, eq=False)
 class ModalSystem:
@@ -111,9 +106,9 @@ class ModalSystem:
         groups = [np.array([group for group in members if len(group) == size]) for size in sizes]
         return [(group, np.ascontiguousarray(self.acting.T[group])) for group in groups]
 
-    def operator(self, scheme: Scheme | Collocation, step: float) -> StepOperator:
-        """Return the step of a method, s."""
-        return self._one_stage(scheme, step) if isinstance(scheme, Scheme) else self._two_stages(step)
+    def operator(self, scheme: Scheme | Collocation, *steps: float) -> StepOperator:
+        """Return the step of a method, s; the collocation may have two lengths."""
+        return self._one_stage(scheme, *steps) if isinstance(scheme, Scheme) else self._two_stages(np.array(steps))
 
     def _one_stage(self, scheme: Scheme, step: float) -> StepOperator:
         new = 1.0 - scheme.alpha_f
@@ -139,30 +134,32 @@ class ModalSystem:
         arrays = operator[None], answers[None, None], give[None]
         return StepOperator(lengths, slopes, weights, *arrays, _NONE, inverse[None, None, None])
 
-    def _two_stages(self, step: float) -> StepOperator:
-        """Return the collocation over two stages of one length; a force acts on its stage alone."""
-        n, acts, length = self.modes.shape[1], len(self.acting), 2.0 * step
-        mass, damping, stiffness = self.modes
-        rows = stage_coefficients(mass, damping, stiffness, length)
-        on_d, on_v = rows[:, 0, 3:], rows[:, 1, 3:]  # by the forces at middle and end, shape (stage, 2, n)
-        pushes = np.zeros((2, 2 * acts, n))  # by stage of the mode force; acting vectors of both stages
-        pushes[0, :acts] = pushes[1, acts:] = self.acting
-        inverse = _NONE
+    def _two_stages(self, lengths: FloatArray) -> StepOperator:
+        """Return the collocation over two stages of each of some lengths, s; a force acts on its stage alone."""
+        (_, n), acts, count = self.modes.shape, len(self.acting), len(lengths)
+        mass, damping, stiffness = np.tile(self.modes, count)
+        rows = stage_coefficients(mass, damping, stiffness, np.repeat(2.0 * lengths, n))
+        rows = np.ascontiguousarray(rows.reshape(2, 3, 5, count, n).transpose(3, 0, 1, 2, 4))
+        by_force = rows[:, :, :2, 3:].swapaxes(1, 2)  # d and v by forces at middle and end, (lengths, 2, stages, 2, n)
+        answers = np.zeros((count, 2, 2 * acts, n))  # by stage of the mode force; acting vectors of both stages
+        answers[:, 0, :acts] = answers[:, 1, acts:] = self.acting
+        inverse = np.zeros((count, 2, 2, 0, 0))
         if len(self.coupled):
-            by_force: FloatArray = (on_v[..., None] * np.eye(n)).transpose(0, 2, 1, 3).reshape(2 * n, 2 * n)
+            to_v: FloatArray = (by_force[:, 1, :, :, :, None] * np.eye(n)).swapaxes(2, 3).reshape(count, 2 * n, 2 * n)
             dampers = np.kron(np.eye(2), self.coupled)
-            inverse = np.asarray(dampers @ np.linalg.inv(np.eye(2 * n) + by_force @ dampers), dtype=float)
-            flat = pushes.transpose(1, 0, 2).reshape(2 * acts, 2 * n)
-            pushes = (flat - flat @ (inverse @ by_force).T).reshape(2 * acts, 2, n).transpose(1, 0, 2).copy()
-        motion = np.einsum("tan,qstn->qasn", pushes, np.array([on_d, on_v]))
-        give = (motion @ self.sensing.T).reshape(2, 2 * acts, 2 * len(self.sensing))
-        operator = np.concatenate([self.modes, rows.reshape(-1, n)])
+            flat = np.asarray(dampers @ np.linalg.inv(np.eye(2 * n) + to_v @ dampers), dtype=float)
+            pushes = answers.swapaxes(1, 2).reshape(count, 2 * acts, 2 * n)
+            pushes = pushes - pushes @ (flat @ to_v).swapaxes(1, 2)
+            answers = pushes.reshape(count, 2 * acts, 2, n).swapaxes(1, 2).copy()
+            inverse = flat.reshape(count, 2, n, 2, n).swapaxes(2, 3).copy()
+        motion = np.einsum("ltan,lqstn->lqasn", answers, by_force)
+        give = (motion @ self.sensing.T).reshape(count, 2, 2 * acts, 2 * len(self.sensing))
+        modes = np.broadcast_to(self.modes, (count, 3, n))
+        operator = np.concatenate([modes, rows.reshape(count, -1, n)], axis=1)
         # A force at the middle alone moves a free mass by 4/3 h^2 of its acceleration until the end.
-        heavy = np.where(mass > 0.0, 0.75 * on_d[1, 0], 0.0)
+        heavy = np.where(mass[:n] > 0.0, 0.75 * by_force[0, 0, 1, 0], 0.0)
         hold = (self.acting * heavy) @ self.sensing.T
-        lengths, arrays = np.array([step]), (operator[None], pushes[None], give[None])
-        inverse = inverse.reshape(2, len(inverse) // 2, 2, len(inverse) // 2).swapaxes(1, 2).copy()
-        return StepOperator(lengths, 1.0 / lengths, np.zeros(5), *arrays, hold, inverse[None])
+        return StepOperator(lengths, 1.0 / lengths, np.zeros(5), operator, answers, give, hold, inverse)
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,15 +208,14 @@ class Kernel:
         self._parts = np.zeros((PART_ROWS, width))
         self._length, self.shortest = 0.0, problem.step * 0.5**MAX_HALVINGS
 
-    def operator(self, step: float) -> StepOperator:
-        """Return a step whose stages have a length, s."""
-        return self._system.operator(self._scheme, step)
+    def operator(self, *steps: float) -> StepOperator:
+        """Return steps whose stages have a length, s, or two."""
+        return self._system.operator(self._scheme, *steps)
 
     def shorten(self, step: float) -> None:
         """Make a length, s, that of usual steps."""
-        whole = self.operator(step)
         #: Steps of the usual length, and parts of them.
-        self.whole = whole.followed_by(self.operator(step / PARTS)) if len(self._touching) else whole
+        self.whole = self.operator(step, step / PARTS) if len(self._touching) else self.operator(step)
 
     def given(self, loads: FloatArray, inputs: PrescribedInputs) -> FloatArray:
         """Return the prescribed inputs of steps side by side: loads and those of the local forces, by stage."""
@@ -294,8 +290,9 @@ def list_runs(rows: FloatArray | NDArray[np.bool_]) -> Places:
     >>> list_runs(np.array([[1.0, 1.0, 0.0, 1.0], [0.0, 0.0, 0.0, 0.0]])).tolist()
     [3, 7, 7, 0, 2, 3, 4]
     """
-    padded = np.pad((rows != 0.0).astype(np.int8), ((0, 0), (1, 1)))
-    owner, border = np.nonzero(np.diff(padded))  # begin and end in turn
+    padded = np.zeros((len(rows), rows.shape[1] + 2), dtype=bool)
+    padded[:, 1:-1] = rows != 0.0
+    owner, border = np.nonzero(padded[:, 1:] != padded[:, :-1])  # begin and end in turn
     starts = len(rows) + 1 + np.searchsorted(owner, np.arange(len(rows) + 1))
     return np.concatenate([starts, border]).astype(np.uint32)
 
