@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from flexcam.analysis.natural_modes import modes
     from flexcam.analysis.preparation import prepare
     from flexcam.analysis.run import run
+    from flexcam.analysis.run_checks import check_response
     from flexcam.cams import LAWS, LiftEvent
     from flexcam.case.builder import build_model
     from flexcam.case.case import Case
@@ -43,6 +44,7 @@ _MODULES = {
     "analysis.natural_modes": ("modes",),
     "analysis.preparation": ("prepare",),
     "analysis.run": ("run",),
+    "analysis.run_checks": ("check_response",),
     "cams": ("LAWS", "LiftEvent"),
     "case.builder": ("build_model",),
     "case.case": ("Case",),
@@ -64,8 +66,8 @@ _HOME = {name: module for module, names in _MODULES.items() for name in names}
 __all__ = [
     "LAWS", "Case", "ConstantSpeed", "Damping", "FlexcamError", "InputError", "LiftEvent", "Material", "Member", "Mesh",
     "Model", "PointMass", "Problem", "Response", "Result", "RunFailedError", "SaveAt", "Section", "Status", "System",
-    "build_model", "compare", "generalized_alpha", "hht", "modes", "newmark", "prepare", "read_case", "read_mesh",
-    "read_result", "run", "solve", "write_mesh",
+    "build_model", "check_response", "compare", "generalized_alpha", "hht", "modes", "newmark", "prepare", "read_case",
+    "read_mesh", "read_result", "run", "solve", "write_mesh",
 ]  # fmt: skip
 
 

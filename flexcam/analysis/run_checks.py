@@ -14,9 +14,10 @@ from typing import Literal, Self
 
 import numpy as np
 
-from flexcam.analysis.preparation import PreparedRun
-from flexcam.analysis.run_metrics import RevolutionChange, has_whole_revolution
+from flexcam.analysis.preparation import PreparedRun, prepare_without_periodic_search
+from flexcam.analysis.run_metrics import RevolutionChange, compute_metrics, has_whole_revolution
 from flexcam.cams import FlatFollower, Follower, RollerFollower, profile_at, undercut
+from flexcam.case.case import Case
 from flexcam.case.input_checks import check_model, check_values
 from flexcam.core import rounding_fraction
 from flexcam.core.errors import InputError
@@ -220,6 +221,35 @@ class RunMonitor:
     def sinks(self) -> tuple[Sink, Sink]:
         """Sinks for `flexcam.solve`."""
         return self.extremes, self.resolution
+
+
+def check_response(case: Case, response: Response) -> list[str]:
+    """Return the warnings about a run of a case, as ``flexcam run`` prints them.
+
+    Parameters
+    ----------
+    case
+        Case of the run.
+    response
+        Its response, with all instants and fields.
+
+    Returns
+    -------
+    list of str
+        Sentences about doubtful values, events, the resolution by steps and elements, and limits of the model.
+
+    Raises
+    ------
+    InputError
+        If the case cannot be prepared.
+
+    Examples
+    --------
+    ``flexcam.check_response(case, flexcam.run(case))`` is empty if nothing is doubtful.
+    """
+    ready = prepare_without_periodic_search(case)
+    monitor = RunMonitor.from_response(ready, response)
+    return check_run(ready, monitor, compute_metrics(ready, response), response.stats)
 
 
 def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], stats: Stats) -> list[str]:

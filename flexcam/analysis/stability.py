@@ -197,6 +197,7 @@ MIN_FORCE_RATIO = 0.05
 _MIN_CHANGE = 0.01, CHATTER, GROWTH  # differences of two revolutions, of motion, force and stress: chatter counts
 _LISTED_SPEED_RATIO = 2.0  # multiple of the case's speed up to which resonances are listed individually
 _PERIODICITY_TOLERANCE = 1e-3  # allowed difference between start and end of a periodic motion, relative to the motion
+_REVOLUTIONS_TO_REPEAT = 10.0  # revolutions after which a motion that repeats does so
 _GROWTH_THRESHOLD = 1.0 + 1e-6
 _MIN_STEPS = 360  # minimum steps per revolution for the Floquet analysis: coarse steps miss parametric instability
 # maximum steps per revolution: every step requires a linearization, and a hundredth of a degree is sufficient
@@ -259,7 +260,8 @@ class Stability:
     def causes(self) -> tuple[str, ...]:
         """Threats to stability at the speed, in this order.
 
-        ``broken off`` (the run ended early), ``numerical``, ``parametric``, ``resonance``, ``contact loss``.
+        ``broken off`` (the run ended early), ``numerical``, ``parametric``, ``resonance``, ``contact loss``,
+        ``chatter`` that changes the motion.
         """
         causes: list[str] = [] if self.status.ok else ["broken off"]
         if self.discrete.radius > _GROWTH_THRESHOLD:
@@ -270,6 +272,8 @@ class Stability:
             causes.append("resonance")
         if self.open_on_the_lift > OPEN:
             causes.append("contact loss")
+        if self.is_scattering:
+            causes.append("chatter")
         return tuple(causes)
 
 
@@ -288,8 +292,11 @@ def assess_stability(case: Case) -> Stability:
         contacts = [name for name in ready.model.cam_contacts if name not in opposed_contacts(ready.model)]
         opened = max((separation(ready.model, response, name, last) for name in contacts), default=0.0)
     multipliers, why_not = None, "the follower leaves its cam, and the impacts that follow need not repeat"
+    change = revolution_change(ready, response, member_strength(ready, response))
     if opened <= OPEN or not spring_held_contacts(ready.model):
         multipliers, why_not = _floquet_multipliers(case)
+        if multipliers and not multipliers.stable() and case.record.run.start == "periodic":
+            change = _change_from_equilibrium(case)
     crossings, why_no_modes = (), ""
     try:
         crossings = resonances(ready, response)
@@ -302,10 +309,22 @@ def assess_stability(case: Case) -> Stability:
         why_not=why_not,
         resonances=crossings,
         open_on_the_lift=opened,
-        change=revolution_change(ready, response, member_strength(ready, response)),
+        change=change,
         status=response.status,
         why_no_modes=why_no_modes,
     )
+
+
+def _change_from_equilibrium(case: Case) -> RevolutionChange | None:
+    """Return the difference of the last two revolutions of a run that does not begin with an unstable periodic motion.
+
+    A run that begins with it stays on it until rounding errors have grown.
+    """
+    revolutions = max(case.record.run.revolutions, _REVOLUTIONS_TO_REPEAT)
+    ready = prepare(case.with_run({"start": "equilibrium", "revolutions": revolutions}).with_stable_method())
+    response = solve(ready.problem, ready.scheme, save=ready.save)
+    reraise_interrupt(response.status)
+    return revolution_change(ready, response, member_strength(ready, response))
 
 
 def _floquet_multipliers(case: Case) -> tuple[Floquet | None, str]:
@@ -322,7 +341,7 @@ def _floquet_multipliers(case: Case) -> tuple[Floquet | None, str]:
         if (residual := state.periodicity or 0.0) > _PERIODICITY_TOLERANCE:
             change = f"differs from that at its start by {100.0 * residual:.2g} % of the amplitude"
             return None, f"no periodic motion was found: the state after one revolution {change}"
-        return floquet(replace(cycle, start=state), ready.scheme), ""
+        return floquet(replace(cycle, start=state)), ""
     except InputError as refusal:
         return None, refusal.faults[0].why
     except RunFailedError as failure:

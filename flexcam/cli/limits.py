@@ -228,8 +228,8 @@ def _stability_table(result: Stability, scale: float, contacts: set[str]) -> Tab
 
 
 def _verdict(result: Stability) -> list[str]:
-    chatter = ["chatter" if result.is_scattering else _HARMLESS] if result.is_chattering else []
-    return [*result.causes, *chatter]
+    harmless = result.is_chattering and not result.is_scattering
+    return [*result.causes, *([_HARMLESS] if harmless else [])]
 
 
 def _describe_amplification(result: Stability) -> str:

@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.core import FloatArray
+from flexcam.core import FloatArray, IntArray
+from flexcam.dynamics.force_laws import passes_ramp
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import At, NoConvergenceError, Stepper
 from flexcam.dynamics.local_forces import LocalForces
@@ -107,6 +108,7 @@ class EventStepper:
         self._stepper, self._balances = stepper, balances
         self._bouncing = ~np.isnan(forces.restitution)  # which contacts have a restitution
         self._bounces = bool(self._bouncing.any())
+        self._has_ramps = bool(np.isfinite(forces.ramps).any())
         self._halved = dict[int, Stepper]()
         self.events = 0  #: number of events located so far
 
@@ -124,11 +126,14 @@ class EventStepper:
         instants: list[StepState] = []
         for _ in range(MOST_EVENTS):
             trial = self._advance(now, to)
-            if not len(self._forces.switching) or not (self._sides(now) != self._sides(trial)).any():
+            if not len(self._forces.switching):
+                return [*instants, trial]
+            ramp_ends = self._ramp_ends(now, trial)
+            if not ramp_ends.any() and not (self._sides(now) != self._sides(trial)).any():
                 if self._bounces and (names := self._rebounds(now, trial)):
                     raise NoConvergenceError(names)  # the step is halved: its ends do not show the impact
                 return [*instants, trial]
-            instants += self._first_event(now, trial, to)
+            instants += self._first_event(now, trial, to, ramp_ends)
             now = instants[-1]
             if now.time == to.time:
                 return instants
@@ -156,19 +161,29 @@ class EventStepper:
         rebounds = reaches & turns & ~self._sides(now) & self._bouncing
         return [self._forces.names[i] for i in self._forces.switching[rebounds]]
 
-    def _first_event(self, now: StepState, trial: StepState, to: StepInputs) -> list[StepState]:
-        """Return the instant of the first event, and the one after an impact."""
-        self.events += 1
-        side = self._sides(now)
+    def _ramp_ends(self, now: StepState, trial: StepState) -> Bools:
+        """Return which closed contacts pass the end of the ramp of their damping within a step.
+
+        The force of a step across this kink would depend on where the step begins.
+        """
+        if not self._has_ramps:
+            return np.zeros(len(self._forces.ramps), dtype=bool)
+        ends = zip(*(self._penetrations(end)[0].tolist() for end in (now, trial)), self._forces.ramps, strict=True)
+        return np.array([passes_ramp(*end) for end in ends], dtype=bool) & self._sides(now)
+
+    def _first_event(self, now: StepState, trial: StepState, to: StepInputs, ramp_ends: Bools) -> list[StepState]:
+        """Return the instant of the first event or end of a ramp, and the one after an impact."""
+        side, ramps, length = self._sides(now), self._forces.ramps, to.time - now.time
         crossed = side != self._sides(trial)
-        length = to.time - now.time
-        (penetration, rate), (new_penetration, new_rate) = self._penetrations(now), self._penetrations(trial)
-        roots = np.full(len(crossed), np.inf)
-        for i in np.flatnonzero(crossed).tolist():
-            ends = penetration[i], new_penetration[i], rate[i], new_rate[i]
-            roots[i] = find_crossing(bool(side[i]), *ends, length)
-        first = int(np.argmin(roots))
-        moment, inputs = self._locate_crossing(now, trial, to, first, float(roots[first]))
+        roots = self._crossing_times(now, trial, np.flatnonzero(crossed), side, np.zeros(len(side)))
+        beyond = self._penetrations(now)[0] > ramps
+        ends = self._crossing_times(now, trial, np.flatnonzero(ramp_ends), beyond, ramps)
+        first, end = int(np.argmin(roots)), int(np.argmin(ends))
+        if ends[end] < roots[first]:
+            guess = float(ends[end])
+            return [self._locate_crossing(now, trial, to, end, guess, bool(beyond[end]), float(ramps[end]))[0]]
+        self.events += 1
+        moment, inputs = self._locate_crossing(now, trial, to, first, float(roots[first]), bool(side[first]))
         pressed = self._forces.contact_sides(moment.penetration)
         simultaneous = crossed & (np.abs(roots - roots[first]) <= SIMULTANEITY * length)
         pressed[simultaneous] = ~side[simultaneous]
@@ -177,15 +192,28 @@ class EventStepper:
             moment = replace(self._starter.restart(moment), pressed=pressed)
         return self._apply_impact(moment, inputs, pressed & ~side)
 
+    def _crossing_times(
+        self, now: StepState, trial: StepState, scalars: IntArray, sides: Bools, depths: FloatArray
+    ) -> FloatArray:
+        """Return first guesses of the times at which some switching scalars pass a depth; infinite for the others."""
+        (begin, rate), (end, new_rate) = self._penetrations(now), self._penetrations(trial)
+        rows = np.stack([begin - depths, end - depths, rate, new_rate], axis=1).tolist()
+        times = np.full(len(sides), np.inf)
+        for i in scalars.tolist():
+            x, new_x, v, new_v = rows[i]
+            times[i] = find_crossing(bool(sides[i]), x, new_x, v, new_v, trial.time - now.time)
+        return times
+
     def _locate_crossing(
-        self, now: StepState, trial: StepState, to: StepInputs, scalar: int, guess: float
-    ) -> tuple[StepState, StepInputs]:
-        """Return the instant of a zero crossing near a given time, by Newton's method within a bracket."""
-        length, side = to.time - now.time, bool(self._sides(now)[scalar])
+        self, now: StepState, trial: StepState, to: StepInputs, scalar: int, guess: float, side: bool,
+        depth: float = 0.0,
+    ) -> tuple[StepState, StepInputs]:  # fmt: skip
+        """Return the instant near a given time at which a scalar passes a depth, by Newton's method in a bracket."""
+        length = to.time - now.time
         low, high, elapsed = 0.0, length, guess
         tolerance = max(TIME_TOLERANCE * length, ROUNDING * abs(to.time))
         moment, inputs, was_crossed = trial, to, False
-        near, far = float(self._penetrations(now)[0][scalar]), float(self._penetrations(trial)[0][scalar])
+        near, far = (float(self._penetrations(end)[0][scalar]) - depth for end in (now, trial))
         # A stiff contact in the trial holds the penetration small, wherever in the step the crossing lies.
         at_end = abs(far) <= END_TOLERANCE * length * abs(float(self._penetrations(now)[1][scalar]))
         for _ in range(CORRECTIONS):
@@ -198,6 +226,7 @@ class EventStepper:
             inputs = self._at(now.time + elapsed)
             moment = self._advance(now, inputs)
             penetration, rate = (float(values[scalar]) for values in self._penetrations(moment))
+            penetration -= depth
             if abs(penetration) <= tolerance * abs(rate) or high - low <= tolerance:
                 break
             bracket = (low, high, near, far, was_crossed)

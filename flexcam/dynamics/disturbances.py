@@ -60,6 +60,7 @@ class _LinearizedMotion:
     lengths: FloatArray  #: of the steps, s, shape (m - 1,)
     plain: Bools  #: steps of some length without a change of sides, shape (m - 1,)
     begin: list[int]  #: row of every instant as the beginning of a step, shape (m,)
+    ramp_ends: Bools  #: switching scalars at the end of the ramp of their damping, shape (m, w)
     tangents: FloatArray  #: derivatives of the forces of the rows, see `LocalForces.tangents`
     by_travel: FloatArray  #: T of the steps, see `StepSequence`, shape (m - 1, s)
     by_begin: FloatArray  #: B of the steps, shape (m - 1, s)
@@ -150,13 +151,17 @@ class Disturbances:
         sensed = SensedTrajectory(replace(track, cam=inputs.cam), inputs, penetration, rate)
         lengths = np.diff(time)
         lengths[np.abs(lengths - step) <= _SAME_TIME * step] = step
-        changed = (sides[1:] != sides[:-1]).any(axis=1)
+        ramp_ends, rising = self._near(penetration, rate, forces.ramps), self._depth_rate(penetration, rate) > 0.0
+        changed = (sides[1:] != sides[:-1]).any(axis=1) | ramp_ends[1:].any(axis=1)
         instants = np.repeat(np.arange(len(time)), 1 + np.append(False, changed))
         begin = np.arange(len(time)) + np.cumsum(np.append(False, changed))
         row_sides = sides[instants]
         row_sides[begin[1:][changed] - 1] = sides[:-1][changed]
         depth, speed, functions = penetration[instants], rate[instants], inputs.functions
-        depth = self._set_sides(row_sides, depth, speed)
+        beyond = rising[instants]
+        beyond[begin[1:][changed] - 1] = ~rising[1:][changed]
+        depth = self._set_sides(row_sides, depth, speed, 0.0)
+        depth = self._set_sides(beyond, depth, speed, forces.ramps)
         states = track.state[instants]
         tangents = forces.tangents(depth, speed, states, functions[instants])[2]
         state_rows = forces.follow_states(lengths, penetration[1:], penetration[:-1], track.state[:-1])
@@ -166,8 +171,9 @@ class Disturbances:
         rows = np.unique(np.concatenate([begin[:1], begin[events], begin[events] + 1, begin[events + 1]]))
         shifts = self._prescribed_rates(sensed, instants[rows], depth[rows])
         return _LinearizedMotion(
-            sensed, lengths, plain, begin.tolist(), tangents, state_rows[:, BY_TRAVEL], state_rows[:, BY_BEGIN],
-            dict(zip(rows.tolist(), shifts, strict=True)), np.hstack([track.v, track.a, rates]),
+            sensed, lengths, plain, begin.tolist(), ramp_ends, tangents, state_rows[:, BY_TRAVEL],
+            state_rows[:, BY_BEGIN], dict(zip(rows.tolist(), shifts, strict=True)),
+            np.hstack([track.v, track.a, rates]),
             None if self._parameters is None else self._parameters.along(sensed, lengths),
         )  # fmt: skip
 
@@ -186,16 +192,24 @@ class Disturbances:
         answer = None if motion.explicit is None else motion.explicit.answer[at]
         return linearize(self._forces, motion.trajectory.inputs.at(at), motion.tangents[rows], answer)
 
-    def _set_sides(self, side: Bools, penetration: FloatArray, rate: FloatArray) -> FloatArray:
-        """Return the sensed scalars, shape (..., c), with contacts that are about to switch set to their side."""
+    def _near(self, penetration: FloatArray, rate: FloatArray, level: float | FloatArray) -> Bools:
+        """Return which switching scalars pass a level at an instant of some sensed scalars, shape (..., w)."""
+        depth = self._forces.lifts.depth(penetration)[..., self._forces.switching]
+        return np.abs(depth - level) <= _NEAR_SWITCH * self._problem.step * np.abs(self._depth_rate(penetration, rate))
+
+    def _depth_rate(self, penetration: FloatArray, rate: FloatArray) -> FloatArray:
+        return self._forces.lifts.depth_rate(penetration, rate)[..., self._forces.switching]
+
+    def _set_sides(
+        self, side: Bools, penetration: FloatArray, rate: FloatArray, level: float | FloatArray
+    ) -> FloatArray:  # fmt: skip
+        """Return the sensed scalars, shape (..., c), with contacts that pass a level set to their side of it."""
         index = self._forces.switching
         if not len(index):
             return penetration
-        lifts = self._forces.lifts
-        depth, depth_rate = lifts.depth(penetration)[..., index], lifts.depth_rate(penetration, rate)[..., index]
+        near, above = self._near(penetration, rate, level), self._forces.lifts.depth(penetration)[..., index] - level
         penetration, scalars = penetration.copy(), penetration[..., index]
-        near = np.abs(depth) <= _NEAR_SWITCH * self._problem.step * np.abs(depth_rate)
-        penetration[..., index] = np.where(near, scalars - depth + np.where(side, _TOUCH, -_TOUCH), scalars)
+        penetration[..., index] = np.where(near, scalars - above + np.where(side, _TOUCH, -_TOUCH), scalars)
         return penetration
 
     def _steps(self, motion: _LinearizedMotion, first: int, last: int) -> tuple[StepSequence, FloatArray]:
@@ -239,18 +253,19 @@ class Disturbances:
             shifted = self._stepper.old_terms(0.5 * h * motion.prescribed_rates[motion.begin[i]]) - by_length
             terms = terms + shifted[:, None] * self._shift
         after, self._shift = step.propagate(0, self._current, terms), None
-        crossed = np.flatnonzero(side != sensed.track.pressed[i + 1])
-        lifts = self._forces.lifts
-        depth, depth_rate = lifts.depth(new.penetration), lifts.depth_rate(new.penetration, new.rate)
-        crossed = crossed[np.abs(depth_rate[self._forces.switching[crossed]]) > _AT_REST]
+        ramp_ends, switching, lifts = motion.ramp_ends[i + 1], self._forces.switching, self._forces.lifts
+        crossed = np.flatnonzero((side != sensed.track.pressed[i + 1]) | ramp_ends)
+        levels, depth_rate = np.where(ramp_ends, self._forces.ramps, 0.0), self._depth_rate(new.penetration, new.rate)
+        crossed = crossed[np.abs(depth_rate[crossed]) > _AT_REST]
         if len(crossed):
-            scalar = self._forces.switching[crossed]
-            scalar = int(scalar[np.argmin(np.abs(depth[scalar] / depth_rate[scalar]))])
+            away = (lifts.depth(new.penetration)[switching] - levels)[crossed] / depth_rate[crossed]
+            first = int(crossed[np.argmin(np.abs(away))])
+            scalar = int(switching[first])
             gradient = lifts.gradient(scalar, new.penetration)
             by_length = (by_length + 0.5 * h * motion.prescribed_rates[motion.begin[i] + 1])[:, None]
             by_time = step.propagate(0, np.zeros_like(by_length), by_length)[:, 0]
             sense, n = gradient @ directions(self._forces, sensed.inputs, i + 1)[1], len(new.d)
-            rate = depth_rate[scalar] + sense @ (by_time[:n] - new.v)
+            rate = depth_rate[first] + sense @ (by_time[:n] - new.v)
             self._shift = shift = -(sense @ after[:n] + gradient @ self._scalar_derivatives(motion, i + 1)) / rate
             after = after + by_time[:, None] * shift
         self._current = after

@@ -115,6 +115,16 @@ def stop(x: float, v: float, stiffness: float, damping: float, depth: float) -> 
     return force, stiffness + (damping * v / depth if fraction < 1.0 else 0.0), damping * fraction, energy
 
 
+ON_RAMP_END = 1e-6
+"""Relative distance from the end of the ramp of a damping that is rounding."""
+
+
+def passes_ramp(old: float, new: float, depth: float) -> bool:
+    """Return whether a penetration passes the depth at which the damping of a stop is complete, up or down."""
+    tolerance = ON_RAMP_END * depth
+    return (old < depth - tolerance and new > depth) or (old > depth + tolerance and new < depth)
+
+
 def hunt_crossley(x: float, v: float, stiffness: float, dissipation: float) -> LawResponse:
     """Return the force ``k x (1 + chi v)`` of Hunt and Crossley while pressed, never negative.
 
@@ -589,9 +599,9 @@ def evaluate_rows(
 
 
 FUNCTIONS_OF_LAWS = (
-    bilateral, stop, hunt_crossley, line_load, line_contact, oil_column, check_valve_velocity, chamber_pressure,
-    fitted_weight, oil_chamber, lever_motion, coulomb, sliding_friction, lever, arch, film_integrals, rotate_tensor,
-    short_bearing, force_table, cam_lift, turn_cam, custom, evaluate_laws, evaluate_rows,
+    bilateral, stop, passes_ramp, hunt_crossley, line_load, line_contact, oil_column, check_valve_velocity,
+    chamber_pressure, fitted_weight, oil_chamber, lever_motion, coulomb, sliding_friction, lever, arch, film_integrals,
+    rotate_tensor, short_bearing, force_table, cam_lift, turn_cam, custom, evaluate_laws, evaluate_rows,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""
 
@@ -607,13 +617,14 @@ class LawKind:
     states: int = 0  #: internal states
     damping: tuple[int, ...] = ()  #: indices of the constants of dissipation
     touching: bool = False  #: it begins to act where its first scalar becomes positive: a step ends there
+    ramp: int | None = None  #: index of the penetration over which the damping of a touching law grows, if it does
     polynomial: bool = False  #: its force is a polynomial of at most third degree: Simpson's rule is exact
     circulatory: bool = False  #: its force has no potential: the rotation of the shaft does work through it
 
 
 LAWS = {
     BILATERAL: LawKind("bilateral", ("stiffness", "damping"), damping=(1,)),
-    STOP: LawKind("stop", ("stiffness", "damping", "depth"), damping=(1,), touching=True),
+    STOP: LawKind("stop", ("stiffness", "damping", "depth"), damping=(1,), touching=True, ramp=2),
     HUNT_CROSSLEY: LawKind("hunt_crossley", ("stiffness", "dissipation"), damping=(1,), touching=True),
     LINE_CONTACT: LawKind(
         "line_contact", ("width", "give", "rest", "depth", "dissipation", "limit per radius"),

@@ -34,6 +34,7 @@ from flexcam.dynamics.force_laws import (
     SPAN,
     STATE,
     TRIAL,
+    passes_ramp,
 )
 from flexcam.dynamics.generalized_alpha import predict
 from flexcam.dynamics.local_newton import FUNCTIONS_OF_NEWTON, SCALAR, fill_compliance, solve_local
@@ -188,6 +189,15 @@ def crosses_zero(local: FloatArray, switching: IntArray) -> bool:
     for at in range(switching.shape[1]):
         closed = local[DEPTH, switching[0, at]] > 0.0
         if closed != (switching[1, at] == 1):
+            return True
+    return False
+
+
+def leaves_ramp(local: FloatArray, forces: FloatArray, switching: IntArray, ramps: FloatArray) -> bool:
+    """Return whether a switching scalar passes the end of the ramp of its damping."""
+    for at in range(min(switching.shape[1], len(ramps))):
+        i = switching[0, at]
+        if passes_ramp(forces[LAST_DEPTH, i], local[DEPTH, i], ramps[at]):
             return True
     return False
 
@@ -378,13 +388,14 @@ def march(
     inputs: FloatArray, cuts: IntArray, parts: FloatArray, laws: IntArray, blocks: IntArray, constants: FloatArray,
     places: IntArray, reach: IntArray, owners: IntArray, varying: IntArray, touching: IntArray, state: FloatArray,
     forces: FloatArray, states: FloatArray, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
-    matrix: FloatArray, switching: IntArray, results: FloatArray, count: IntArray,
+    matrix: FloatArray, switching: IntArray, ramps: FloatArray, results: FloatArray, count: IntArray,
 ) -> int:  # fmt: skip
     """Advance over rows of the prescribed inputs; return how it ended.
 
     The state, the local forces and the internal states advance; `count` receives the row reached and the iterations.
-    The integration ends before a step in which a switching scalar changes sides, the local forces do not converge, or
-    contacts are too stiff for its length. A step in which a touching scalar changes sides is divided into `PARTS`.
+    The integration ends before a step in which a switching scalar changes sides or passes the ramp of its damping, the
+    local forces do not converge, or contacts are too stiff for its length. A step in which a touching scalar changes
+    sides is divided into `PARTS`.
 
     Arrays that depend on the length of a step have an axis in front: whole steps, then parts. Results have a row per
     stage.
@@ -408,7 +419,9 @@ def march(
             at, stages, slopes[level], give[level], vectors, runs, source, laws, blocks, constants, places, reach,
             varying, state, forces, states, local[level], tangent, active, W[level], matrix,
         )  # fmt: skip
-        crossed = iterations > 0 and crosses_zero(local[level], switching)
+        crossed = iterations > 0 and (
+            crosses_zero(local[level], switching) or leaves_ramp(local[level], forces, switching, ramps)
+        )
         if iterations == 0 or crossed:
             if part > 0:
                 copy_rows(4, parts[SAVED:], state)
@@ -446,7 +459,7 @@ def march(
 
 FUNCTIONS_OF_KERNEL = (
     predict, massless_rates, *FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON, dot, predict_modes, find_forces, add_forces,
-    correct_modes, crosses_zero, contact_ratio, keep_forces, stage_value, move_stages, predict_stages, correct_stages,
-    accept, changes_side, interpolate, copy_rows, forget_trend, march,
+    correct_modes, crosses_zero, leaves_ramp, contact_ratio, keep_forces, stage_value, move_stages, predict_stages,
+    correct_stages, accept, changes_side, interpolate, copy_rows, forget_trend, march,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""

@@ -49,7 +49,7 @@ PROGRAM = Program(
         ("evaluate_laws", "i2 f1 f2 i i f2 f3 f2"),
         ("evaluate_rows", "i2 f1 f2 i f2 f2 f2 f2 f1 f2 f3 f2 f2 f2 f3 f4"),
         ("march", "i i i f1 f1 f1 f3 f4 u1 f4 f2 f5 f2 u1 f2 u1 f2 i1 f2 i2 i1 f1 u2 u1 i1 i1 i1" + 3 * " f2"
-                  + " f3 f3 i2 f4 f2 i2 f2 i1"),
+                  + " f3 f3 i2 f4 f2 i2 f1 f2 i1"),
         ("propagate_disturbances", "f" + 8 * " f2" + 9 * " f3" + " f2 f3 f3" + 9 * " f2"),
     ),
 )  # fmt: skip
@@ -188,6 +188,7 @@ class Kernel:
         self._mode_runs = list_runs((groups[:, None] == groups).astype(float))
         #: Scalars of contacts without impacts, whose opening and closing divides a step.
         self._touching = np.setdiff1d(forces.touching, forces.switching) if stages == 2 else _NO_SCALARS
+        self._ramps = forces.ramps if stages == 1 else np.zeros(0)
         self.shorten(problem.step)
         self._answer_runs = list_runs(np.abs(self.whole.answers).sum(axis=(0, 1)))
         can_move, coupling = find_coupling(forces, self.whole)
@@ -266,7 +267,7 @@ class Kernel:
             self._mode_runs, self._vectors, self._runs, given, self._cuts, self._parts, table.laws, self._blocks,
             table.constants, self._places, self._reach, table.owners, self._varying,
             _NO_SCALARS if before is None else self._touching, state.modes, state.forces, state.states, self._local,
-            work.tangent, work.active, self._compliance, work.matrix, stage_sides, found, count,
+            work.tangent, work.active, self._compliance, work.matrix, stage_sides, self._ramps, found, count,
         )  # fmt: skip
         row, iterations = count.tolist()
         return int(ending), row, iterations

@@ -113,6 +113,13 @@ class ForceLaw:
         lossless = all(self.constants[i] == 0.0 for i in LAWS[self.kind].damping)
         return self.friction is None and not self.states and lossless
 
+    @property
+    def ramp(self) -> float:
+        """Penetration over which the damping grows, m; infinite without such a damping."""
+        kind = LAWS[self.kind]
+        damped = kind.ramp is not None and any(self.constants[i] for i in kind.damping)
+        return self.constants[kind.ramp] if damped and kind.ramp is not None else math.inf
+
     def idle_scalars(self) -> tuple[tuple[int, ...], ...]:
         """Return sets of scalars that, while zero, neither carry nor cause a force.
 

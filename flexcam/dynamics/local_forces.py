@@ -271,6 +271,12 @@ class LocalForces:
         )  # fmt: skip
         self.switching: IntArray = np.array([i for i, _ in switches], dtype=np.intp)
         self.restitution: FloatArray = np.array([np.nan if e is None else e for _, e in switches], dtype=float)
+        ramps = {
+            part.start + i: force.law.ramp for force, part, _ in self.parts if isinstance(force.law, ForceLaw)
+            for i in force.switching
+        }  # fmt: skip
+        #: Penetrations of the switching scalars over which their damping grows, m.
+        self.ramps: FloatArray = np.array([ramps[i] for i, _ in switches], dtype=float)
         self.functions = bind((*FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON), self._overrides())
         self.compiled = compiled  #: functions of the kernel; None in Python
         self._evaluate, self._evaluate_rows = (

@@ -60,21 +60,17 @@ def period_map(
         forces = forces_of(selected, method)
         engine = create_engine(selected, method, forces, SaveAt(field_every=problem.steps + 1), stop, pilot)
         disturbances = Disturbances(problem, forces) if derived else None
-        dividing = np.setdiff1d(forces.touching, forces.switching)  # contacts that open and close within steps
-        closed = [np.zeros((0, len(dividing)), dtype=bool)]
         with limit_blas_threads(selected):
             for track in iterate_tracks(engine, problem.steps, problem.system.size):
                 if disturbances is not None:
                     disturbances.follow(track)
                 saved = track.ends[-step % every :: every]
                 fields.append(np.hstack([track.d[saved], track.v[saved]]))
-                closed.append(track.local[:, dividing] > 0.0)
                 end, step = np.concatenate([track.d[-1], track.v[-1], track.state[-1]]), step + len(track.ends)
     except SingularMatrixError as fault:
         raise RunFailedError(singular_status(fault, problem.system)) from None
     derivative = np.zeros((0, 0)) if disturbances is None else disturbances.monodromy()
-    changes = int(np.count_nonzero(np.diff(np.concatenate(closed), axis=0)))
-    return PeriodMap(end, np.concatenate(fields), derivative, engine.statistics(Stats()).events + changes)
+    return PeriodMap(end, np.concatenate(fields), derivative, engine.statistics(Stats()).events)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,15 +104,13 @@ class Floquet:
         return [self.names[i] for i in order[:count]]
 
 
-def floquet(problem: Problem, method: Method | None = None) -> Floquet:
-    """Return the Floquet multipliers of a motion over one period.
+def floquet(problem: Problem) -> Floquet:
+    """Return the Floquet multipliers of a motion over one period, with the average acceleration.
 
     Parameters
     ----------
     problem
         One period, from its periodic state.
-    method
-        Method for the motion; disturbances use the average acceleration. None for the average acceleration.
 
     Returns
     -------
@@ -130,13 +124,13 @@ def floquet(problem: Problem, method: Method | None = None) -> Floquet:
     RunFailedError
         If the run of the period fails.
     """
-    chosen = method or newmark()
+    method = newmark()
     unpruned = replace(problem, prune=False)  # what the motion leaves at rest may still be unstable
-    selected = select_engine(unpruned, chosen)
+    selected = select_engine(unpruned, method)
     n = selected.problem.system.size
     if not 0 < n <= MAX_UNKNOWNS:
         raise refuse("system", f"{n} unknowns", f"1 to {MAX_UNKNOWNS}", "it advances a basis of disturbances")
-    revolution = period_map(selected, chosen, lambda: False)
+    revolution = period_map(selected, method, lambda: False)
     values, vectors = np.linalg.eig(revolution.derivative)
     order = np.argsort(-np.abs(values))
     shapes = np.asarray(vectors[:n, order], dtype=complex).T

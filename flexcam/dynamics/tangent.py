@@ -177,14 +177,18 @@ def _project(problem: Problem, selected: SelectedEngine) -> Problem:
 
 
 def _check_structure(problem: Problem, parameters: ParameterForces) -> None:
-    """Raise an error if a parameter changes the number of unknowns, local forces or steps."""
+    """Raise an error if a parameter changes the number of unknowns, local forces or steps, or the ramp of a damping."""
 
     def size(varied: Problem) -> tuple[int, ...]:
         return (varied.system.size, varied.steps, *(len(force.sense) for force in varied.system.local_forces))
 
+    why, remedy = "the equations must keep their structure", "use differences of runs"
     if any(size(side.problem) != size(problem) for side in parameters.sides):
-        why, remedy = "the equations must keep their structure", "use differences of runs"
         raise refuse("parameter", "a number that changes the unknowns, contacts or steps", "another one", why, remedy)
+    ramps = parameters.original.forces.ramps
+    if not all(np.array_equal(side.forces.ramps, ramps) for side in parameters.sides):
+        why = "steps end where the damping of a contact is complete"
+        raise refuse("parameter", "a number that changes a damping_depth", "another one", why, remedy)
 
 
 def _initial_disturbances(problem: Problem, forces: LocalForces, parameters: ParameterForces) -> FloatArray:

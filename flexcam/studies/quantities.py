@@ -171,7 +171,7 @@ def _multipliers(case: Case, matches: _Matches) -> dict[str, Metric]:
         text = f"no periodic motion was found: the state after one revolution {change}"
         remedy = "add damping, or use another speed: contacts that open, also on the base circle, may prevent it"
         raise RunFailedError(Status(Cause.NO_CONVERGENCE, text, remedy))
-    magnitudes = np.abs(floquet(replace(ready.problem, steps=steps), ready.scheme).multipliers)
+    magnitudes = np.abs(floquet(replace(ready.problem, steps=steps)).multipliers)
     return _select(matches, magnitudes, "1", "the model has no more")
 
 

@@ -13,7 +13,7 @@ import flexcam
 
 NAMES = {
     "LAWS", "Case", "ConstantSpeed", "Damping", "FlexcamError", "InputError", "LiftEvent", "Material", "Member", "Mesh", "Model",
-    "PointMass", "Problem", "Response", "Result", "RunFailedError", "SaveAt", "Section", "Status", "System", "build_model", "compare",
+    "PointMass", "Problem", "Response", "Result", "RunFailedError", "SaveAt", "Section", "Status", "System", "build_model", "check_response", "compare",
     "generalized_alpha", "hht", "modes", "newmark", "prepare", "read_case", "read_mesh", "read_result", "run", "solve", "write_mesh",
 }  # fmt: skip
 """Public interface; changes of it are in the changelog."""

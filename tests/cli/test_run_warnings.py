@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam import InputError, prepare, read_case, read_result, run
+from flexcam import InputError, check_response, prepare, read_case, read_result, run
 from flexcam.analysis.run_checks import check_events, check_transient
 from flexcam.analysis.run_metrics import SPRING_MARGIN, RevolutionChange
 from flexcam.case.starters import new_case
@@ -41,6 +41,16 @@ def test_event_warnings_name_value_and_location():
         "Warning: the contact pressure of 'intake' reaches 3039 MPa: hardened steel may yield under it",
         "Warning: the shear stress in the wire of 'valve' reaches 1600 MPa: no wire of valve springs endures it",
     ]
+
+
+def test_python_returns_the_warnings_of_the_command(flexcam, tmp_path):
+    path = Path(__file__).parents[2] / "cases/direct-acting/bucket.toml"
+    coarse = ["run.steps_per_revolution=90", "run.revolutions=1"]
+    options = [word for one in coarse for word in ("--set", one)]
+    printed = flexcam("run", path, *options, "-o", tmp_path, "--json").json["warnings"]
+    read = read_case(path, coarse)
+    assert check_response(read, run(read)) == printed
+    assert printed
 
 
 def test_harmless_values_cause_no_warning():

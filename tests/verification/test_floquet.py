@@ -26,7 +26,6 @@ from flexcam.dynamics import (
     SaveAt,
     State,
     System,
-    collocation,
     constant,
     elastic_stop,
     floquet,
@@ -206,23 +205,6 @@ def test_impact_oscillator_matches_closed_form(record, e):
            unit="1", reference=float(np.abs(reference).max()), computed=float(abs(found.multipliers[0])),
            tolerance=1e-5, reason="average acceleration at 4000 steps")  # fmt: skip
     assert abs(np.prod(found.multipliers)) == pytest.approx(e**2, rel=1e-6)
-
-
-def test_contact_events_within_steps_are_counted():
-    """The collocation does not end its steps at events; `flexcam stability` uses their number to detect chatter."""
-    w, steps = 2.6, 400
-    system = impact_oscillator(w, None)
-    seat = replace(system.local_forces[0], law=elastic_stop(1e3))
-    start = State(np.array([0.197423]), np.array([-1.2]))
-    problem = Problem(
-        replace(system, local_forces=(seat,)),
-        ConstantSpeed(w),
-        2.0 * math.pi / w / steps,
-        steps,
-        start,
-        engine="kernel",
-    )
-    assert floquet(problem, collocation()).events == floquet(problem).events >= 2
 
 
 class Lift:
