@@ -39,6 +39,9 @@ _MAX_ITERATIONS = 300
 _TOLERANCE = 1e-9
 """Relative residual, to the largest force."""
 
+_AT_REST = 1e-6
+"""Relative change of a displacement that counts as none."""
+
 _TIGHT_TOLERANCE = 1e-12
 """Relative residual of an equilibrium that is compared with a nearby one."""
 
@@ -66,14 +69,16 @@ def solve_equilibrium(
     potential = _Potential(system, forces, forces.prescribed_inputs(motion), load)
     u = np.zeros(system.size) if near is None else near
     minimum = float(np.abs(free.T @ load).max(initial=0.0)) / _FALL
-    previous, energy, tips = np.inf, None, bool(forces.lifts)
+    previous, energy, tips, change = np.inf, None, bool(forces.lifts), np.inf
     for count in range(_MAX_ITERATIONS):
         residual, size, tangent = potential.at(u)
         largest = float(np.abs(residual).max(initial=0.0))
         stalled, close = 0.5 * previous <= largest, largest <= _TOLERANCE * size
         done = close and (near is None or stalled or largest <= _TIGHT_TOLERANCE * size)
         if done or (stalled and largest <= potential.rounding(u)):  # no further improvement
-            if not close and rounding_fraction(system.stiffness, u) > ROUNDING_LIMIT:
+            # Without forces the residual is rounding alone, but the displacement is accurate if it no longer changes.
+            moves = change > _AT_REST * float(np.abs(u).max(initial=0.0))
+            if not close and moves and rounding_fraction(system.stiffness, u) > ROUNDING_LIMIT:
                 raise RunFailedError(ROUNDING_STATUS)
             _refuse_unstable(potential, u, tangent)
             return u
@@ -86,7 +91,7 @@ def solve_equilibrium(
             step = _solve(partial(factorize_with_update, tangent, free, spring), residual)
             tips = spring < _STIFFEST or residual @ step >= 0.0  # otherwise another motion is unstable
         fraction, energy = potential.line_search(u, step, residual, energy, diagonal_scale(tangent))
-        u, previous = u + fraction * step, largest
+        u, previous, change = u + fraction * step, largest, fraction * float(np.abs(step).max(initial=0.0))
     residual, _, tangent = potential.at(u)
     _refuse_unstable(potential, u, tangent)
     raise _no_equilibrium_status(system, residual, free)
@@ -179,9 +184,10 @@ class _Potential:
 
         before, fraction = merit(u) if known is None else known, 1.0
         slope = 2.0 * before if circulatory else float(residual @ step)
+        noise = 1e-12 * abs(before) + (0.0 if circulatory else self.rounding(u) * float(np.abs(u).max(initial=0.0)))
         for _ in range(_HALVINGS):
             after = merit(u + fraction * step)
-            if after <= before - _DECREASE * fraction * slope + 1e-12 * abs(before):
+            if after <= before - _DECREASE * fraction * slope + noise:
                 return fraction, None if circulatory else after
             fraction *= 0.5
         return fraction, None

@@ -4,7 +4,19 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flexcam.dynamics import Cause, RunFailedError, static_displacement
+from flexcam.core import Triplets
+from flexcam.dynamics import (
+    AngleVector,
+    Cause,
+    ConstantSpeed,
+    LocalForce,
+    RunFailedError,
+    System,
+    constant,
+    equilibrium,
+    spring_damper,
+    static_displacement,
+)
 from flexcam.fem.assembly import Member, build_beams, stiffness
 from flexcam.fem.dofs import COMPONENTS, dof_map
 from flexcam.fem.mesh import Mesh, chain, refine
@@ -82,3 +94,18 @@ def test_arguments_are_unchanged(steel, readonly):
     for part in (K.rows, K.cols, K.values):
         part.setflags(write=False)
     static_displacement(K, readonly(np.ones(dofs.size)), dofs.names)
+
+
+def test_motion_that_a_contact_prescribes_without_force_is_accurate():
+    """A chain without load or spring follows a bilateral contact: all forces are rounding."""
+    stiffness, lift = 1e9 / 3.0, 0.1
+    chain = np.diff(np.eye(4), axis=0)
+    K = Triplets.from_dense((stiffness * chain.T @ chain).tolist())
+    row = np.eye(4)[0]
+    contact = LocalForce(
+        "contact", (AngleVector.constant(-row),), (AngleVector.constant(row),), spring_damper(1e8), (constant(lift),)
+    )
+    names = tuple("abcd")
+    system = System(Triplets.from_dense(np.eye(4).tolist()), Triplets.zeros(4), K, names, local_forces=(contact,))
+    found = equilibrium(system, ConstantSpeed(1.0)).displacement
+    np.testing.assert_allclose(found, lift, rtol=1e-6)
