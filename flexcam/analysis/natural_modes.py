@@ -10,30 +10,30 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
 
 from flexcam.analysis.orders import run_over_speeds
-from flexcam.analysis.preparation import PreparedRun, prepare
-from flexcam.analysis.stability import MAX_DOFS, Resonance, force_harmonics, lift_harmonics
-from flexcam.cams import Event
+from flexcam.analysis.preparation import prepare
+from flexcam.analysis.stability import Resonance, force_harmonics, lift_harmonics
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.schema.contacts import CamContactRecord
 from flexcam.core import FloatArray, Triplets
 from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.core.units import RPM
-from flexcam.dynamics import ProgressCallback, Response, RunFailedError, State, Status, equilibrium, mac
+from flexcam.dynamics import CamMotion, ProgressCallback, RunFailedError, State, Status, mac
 from flexcam.valvetrain import (
     CamContact,
     ContactModes,
+    Model,
     ModelModes,
     build_structure,
-    contact_modes,
-    contact_stiffness,
     model_modes,
     modes_on_the_lift,
+    rigid_motion,
 )
 
 
@@ -183,14 +183,13 @@ def campbell(
             continue
         ready, response = run
         loads[i] = force_harmonics(response, name, max(orders))[numbers - 1]
-        structure = build_structure(ready.model)
+        acceleration = partial(_rigid_acceleration, ready.model)
         try:
-            event = ready.model.cams[cam].event
-            current = contact_modes(structure, name, _stiffness_at_full_lift(ready, response, event))
+            current = modes_on_the_lift(ready.model, name, speeds[i], acceleration=acceleration)
         except RunFailedError as failure:
             statuses[-1] = failure.status
         else:
-            _extend_lines(lines, i, len(rpm), current, structure.mass, modes)
+            _extend_lines(lines, i, len(rpm), current, build_structure(ready.model).mass, modes)
     lines.sort(key=lambda line: float(np.nanmin(line.frequencies)))
     crossings = _find_crossings(name, rpm, lines, lifts, loads)
     frequencies = np.array([line.frequencies for line in lines]).reshape(len(lines), len(rpm)).T
@@ -198,27 +197,12 @@ def campbell(
     return Campbell(name, rpm, frequencies, reached, words, lifts, loads, crossings, tuple(statuses))
 
 
-def _stiffness_at_full_lift(ready: PreparedRun, response: Response, event: Event) -> list[tuple[str, Triplets]]:
-    """Return the stiffness of each local force at the saved instant of the largest lift."""
-    system = ready.problem.system
-    late = response.field_time > response.field_time[-1:] - ready.revolution
-    if not late.any() or not system.local_forces or system.is_kinematic or system.size > MAX_DOFS:
-        return []
-    at = np.flatnonzero(late)[[int(np.argmax(event(response.field_angle[late], 0)))]]
-    motion = ready.problem.drive.at(response.field_time[at])
-    stiffness = contact_stiffness(system, motion, response.fields.displacement[at], response.fields.velocity[at])
-    if not any(name.endswith(_COILS) for name, _ in stiffness):
-        return stiffness
-    # which coils touch changes with every wave in a spring: the modes are those of the coils that touch at rest
+def _rigid_acceleration(model: Model, motion: CamMotion) -> FloatArray:
+    """Return the accelerations of all unknowns in the rigid train at an instant; zero if there is none."""
     try:
-        rest = equilibrium(system, ready.problem.drive, float(motion.time[0])).displacement[None]
-    except RunFailedError:  # such as a shaft within the backlash of its gear
-        return stiffness
-    at_rest = dict(contact_stiffness(system, motion, rest, np.zeros_like(rest)))
-    return [(name, at_rest[name] if name.endswith(_COILS) else part) for name, part in stiffness]
-
-
-_COILS = ".clash"  # end of the names of the forces of touching coils
+        return rigid_motion(model).at(motion)[2][0]
+    except InputError:
+        return np.zeros(build_structure(model).dofs.size)
 
 
 def _extend_lines(lines: list[_ModeLine], i: int, count: int, now: ContactModes, mass: Triplets, modes: int) -> None:

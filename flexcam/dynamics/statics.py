@@ -265,9 +265,9 @@ def installed_state(system: System, drive: Drive, time: float = 0.0, near: Float
     return _solve_from(LocalForces(system), system, drive, time, near, installed=True)
 
 
-def equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
-    """Return the static equilibrium under all loads and local forces at the cam angle of an instant."""
-    return _solve_from(LocalForces(system), system, drive, time)
+def equilibrium(system: System, drive: Drive, time: float = 0.0, load: FloatArray | None = None) -> State:
+    """Return the static equilibrium under all loads, a further one, and local forces at the cam angle of an instant."""
+    return _solve_from(LocalForces(system), system, drive, time, further=load)
 
 
 def moving_equilibrium(system: System, drive: Drive, time: float = 0.0, near: FloatArray | None = None) -> State:
@@ -313,12 +313,13 @@ _MIN_JUMP = 1e-9
 
 def _solve_from(
     forces: LocalForces, system: System, drive: Drive, time: float, near: FloatArray | None = None, *,
-    installed: bool = False,
+    installed: bool = False, further: FloatArray | None = None,
 ) -> State:  # fmt: skip
     """Return the equilibrium at an instant under all or the installed loads, starting from a nearby displacement."""
     motion = drive.at(np.array([time]))
     factors = np.array([load.installed or not installed for load in system.loads], dtype=float)
     load = (factors * system.load_histories(motion)[0]) @ system.load_vectors()
+    load = load if further is None else load + further
     if not forces.count:
         d = static_displacement(system.stiffness, load, system.names, system.free)
     else:

@@ -259,19 +259,26 @@ def contact_stiffness(
     return [(name, Triplets.from_dense(0.5 * (matrix + matrix.T))) for name, matrix in tangents.parts(0)]
 
 
-def modes_on_the_lift(model: Model, contact: str, speed: float, *, base_circle: bool = False) -> ContactModes:
-    """Return the modes about the static equilibrium at full lift of a cam, or on its base circle."""
+def modes_on_the_lift(
+    model: Model, contact: str, speed: float, *, base_circle: bool = False,
+    acceleration: Callable[[dynamics.CamMotion], FloatArray] | None = None,
+) -> ContactModes:  # fmt: skip
+    """Return the modes about the static equilibrium at full lift of a cam, or on its base circle.
+
+    The equilibrium includes the inertia forces of an acceleration of all unknowns, shape (n,), at the instant.
+    """
     structure, system = build_structure(model), build_system(model, speed)
     if not system.local_forces or system.size > _MAX_CONTACT_UNKNOWNS:
         return contact_modes(structure, contact, ())
     cam = model.cams[model.cam_contacts[contact].cam]
     lowest, highest = event_extremes(cam.event)
     drive = ConstantSpeed(speed, start=cam.drive_angle((lowest if base_circle else highest).at))
-    state = equilibrium(system, drive)
+    instant = drive.at(np.zeros(1))
+    state = equilibrium(system, drive, load=None if acceleration is None else -system.mass.times(acceleration(instant)))
     inner = None if state.inner is None else state.inner[None]
     velocity = np.zeros((1, system.size))
     return contact_modes(
-        structure, contact, contact_stiffness(system, drive.at(np.zeros(1)), state.displacement[None], velocity, inner)
+        structure, contact, contact_stiffness(system, instant, state.displacement[None], velocity, inner)
     )
 
 

@@ -71,18 +71,29 @@ def test_campbell_of_engine_with_spring_surge(flexcam):
         assert crossing["frequency"] == pytest.approx(454.9, abs=0.5)
 
 
+def test_inertia_at_full_lift_relieves_pushrod_and_raises_its_frequency():
+    """Its bending frequency squared is linear in the compression, and the inertia forces in the speed squared."""
+    engine = ROOT / "cases/pushrod-engine/intake.toml"
+    case = read_case(engine, ['cams.intake.law="shm"', "run.steps_per_revolution=720", "run.revolutions=1"])
+    speeds = np.array([50.0, 150.0, 250.0])
+    squares = campbell(case, speeds.tolist(), orders=[1], modes=1).frequencies[:, 0] ** 2
+    first, second = np.diff(squares) / np.diff(speeds**2)
+    assert first == pytest.approx(0.1086, abs=1e-3)
+    assert second == pytest.approx(first, rel=1e-3)  # the frequencies of an arch are not quite linear
+
+
 def test_unstable_equilibrium_at_one_speed_keeps_other_speeds(monkeypatch):
     """An unstable equilibrium at full lift has no modes: only that speed has the status of the failure."""
     module = sys.modules["flexcam.analysis.natural_modes"]
-    real, calls = module.contact_modes, []
+    real, calls = module.modes_on_the_lift, []
 
-    def fail_at_second_call(*given):
+    def fail_at_second_call(*given, acceleration):
         calls.append(given)
         if len(calls) == 2:
             raise RunFailedError(NOT_POSITIVE)
-        return real(*given)
+        return real(*given, acceleration=acceleration)
 
-    monkeypatch.setattr(module, "contact_modes", fail_at_second_call)
+    monkeypatch.setattr(module, "modes_on_the_lift", fail_at_second_call)
     case = read_case(PUBLISHED, ["run.steps_per_revolution=360"])
     found = campbell(case, [200.0, 300.0, 400.0], orders=[1])
     assert [status.ok for status in found.statuses] == [True, False, True]
@@ -114,15 +125,15 @@ def test_failed_start_at_one_speed_keeps_other_speeds(monkeypatch):
 
 def test_failed_speed_is_printed_as_failed_not_dash(monkeypatch, flexcam):
     module = sys.modules["flexcam.analysis.natural_modes"]
-    real, calls = module.contact_modes, []
+    real, calls = module.modes_on_the_lift, []
 
-    def fail_at_first_call(*given):
+    def fail_at_first_call(*given, acceleration):
         calls.append(given)
         if len(calls) == 1:
             raise RunFailedError(NOT_POSITIVE)
-        return real(*given)
+        return real(*given, acceleration=acceleration)
 
-    monkeypatch.setattr(module, "contact_modes", fail_at_first_call)
+    monkeypatch.setattr(module, "modes_on_the_lift", fail_at_first_call)
     done = flexcam("campbell", PUBLISHED, *RANGE, *QUICK)
     (first, *_), table = [line.split() for line in done.out.splitlines() if " failed " in line], done.out
     assert first[:2] == ["1", "failed"]
