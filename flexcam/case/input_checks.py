@@ -92,7 +92,7 @@ TYPICAL_RANGES = (
     TypicalRange("masses.*.mass", 1e-8, 20.0, {"g": 1e-3, "kg": 1.0}, zero=True),
     TypicalRange("masses.*.inertia rockers.*.inertia", 1e-14, 1e3, {"g mm^2": 1e-9, "kg mm^2": 1e-6}),
     TypicalRange("springs.*.damping", 1e-9, 1e8, {"N s/mm": 1e3, "N s/m": 1.0}),
-    TypicalRange("springs.*.installed_force", 5.0, 1e5, _FORCE, turns=False),
+    TypicalRange("springs.*.installed_force", 0.5, 1e5, _FORCE, turns=False),  # a few N hold a follower
     # Retaining springs are stiffer than valve springs, and a bare 50 is unlikely to mean 50 N/m.
     TypicalRange("springs.*.stiffness", 100.0, 1e12, _STIFFNESS, "N/m", turns=False),
     TypicalRange("springs.*.stiffness", 1e-3, 1e12, {"kN m/rad": 1e3}, "N m/rad", turns=True),
