@@ -42,6 +42,7 @@ FAULTS = {
     "model of a rocker": ([('model = "lever"\nfrom = "top"', 'model = "levr"\nfrom = "top"')], "rockers.rocker.model", "'levr'", "Did you mean 'lever'"),
     "lever's lift exceeds its arm": ([(ARMS, 'arms = ["2.5 mm", "4 mm"]')], "rockers.rocker", "", ""),
     "lever installed along its motion": ([(ANGLES, 'angles = ["90 deg", "-6 deg"]')], "rockers.rocker.angles", "90 deg", "at most 75 deg from the perpendicular"),
+    "lever's angle without its unit": ([(ANGLES, 'angles = [-8, "-6 deg"]')], "rockers.rocker.angles", "-458.366 deg", "in a case write '-8 deg'"),
     "lever installed backwards": ([(ANGLES, 'angles = ["200 deg", "-6 deg"]')], "rockers.rocker.angles", "200 deg", ""),
     "lever whose point stands along its motion": ([(ANGLES, 'angles = ["0 deg", "90 deg"]')], "rockers.rocker.angles", "90 deg", ""),
     "lever at a misspelt node, with a direction": ([('from = "top"', 'from = "tpo"\ndirection = "uy"')], "rockers.rocker.from", "'tpo'", "Did you mean 'top'"),
