@@ -24,6 +24,7 @@ from flexcam.dynamics import (
     Response,
     Status,
     check_scalar_probe,
+    component_unit,
     equilibrium,
     peak,
     reraise_interrupt,
@@ -48,6 +49,7 @@ class Deviation:
     rigid_peak: float
     flexible_peak: float
     angle_deg: float  #: cam angle of the maximum difference, deg
+    unit: str  #: SI unit of the values: of a rotation ``rad``, ``rad/s`` or ``rad/s^2``
 
     @property
     def relative_peak(self) -> float:
@@ -61,7 +63,7 @@ class Comparison:
 
     probe: str  #: name of the probe
     speed_rpm: float  #: camshaft speed, rpm
-    lift: float  #: range of the motion of the rigid system at the probe, m
+    lift: float  #: range of the motion of the rigid system at the probe, m or rad
     deviations: tuple[Deviation, ...]  #: deviations of displacement, velocity and acceleration
     status: Status  #: status of the flexible run; the values of an incomplete run cover its finished part
     #: names of the compared systems: the first replaces the flexible, the second the rigid one
@@ -174,7 +176,8 @@ def _compute_deviation(quantity: str, motion: History, base: History, flexible: 
     difference = flexed - rigid
     maximum, instant = peak(time, difference, None if rate is None or rigid_rate is None else rate - rigid_rate)
     rms, angle = float(np.sqrt(np.mean(difference**2))), float(np.degrees(np.interp(instant, time, flexible.angle)))
-    return Deviation(quantity, maximum, rms, peak(time, rigid, rigid_rate)[0], peak(time, flexed, rate)[0], angle)
+    peaks = peak(time, rigid, rigid_rate)[0], peak(time, flexed, rate)[0]
+    return Deviation(quantity, maximum, rms, *peaks, angle, component_unit(motion.components[0], SERIES[quantity]))
 
 
 MODELS = ("rigid", "bilateral", "unilateral")

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
-from flexcam.dynamics import SLOPES, Response, Series, peak, scalar_history, value_range
+from flexcam.dynamics import SERIES, SLOPES, Response, Series, component_unit, peak, scalar_history, value_range
 from flexcam.valvetrain import seating
 
 _INSTANT_TOLERANCE = 1e-6  # tolerance for equal instants relative to a step
@@ -19,7 +19,6 @@ Norm = Literal["max", "rms"]
 """Norm of the difference of two histories: maximum or root mean square."""
 
 _MOTIONS = {"lift": "displacement", "velocity": "velocity", "acceleration": "acceleration"}
-_UNITS = {"lift": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 _SEATING = "seating velocity"
 
 
@@ -33,10 +32,13 @@ class Histories:
     values: Mapping[str, FloatArray]
     #: rate of a quantity that is cubic between two instants, by name, shape (m,); other quantities are linear there
     slopes: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
+    component: str = "uy"  #: of the probe
 
     def unit(self, quantity: str) -> str:
         """Return the SI unit of a quantity."""
-        return "m/s" if quantity.startswith(_SEATING) else _UNITS.get(quantity, "N")
+        if quantity in _MOTIONS:
+            return component_unit(self.component, SERIES[_MOTIONS[quantity]])
+        return "m/s" if quantity.startswith(_SEATING) else "N"
 
     def size(self, quantity: str) -> float:
         """Return the maximum absolute value of a quantity; for the lift its range, unless it is constant."""
@@ -55,7 +57,7 @@ def extract_histories(response: Response, probe: str) -> Histories:
         for name, values in response.channels.items()
         if name.startswith("contacts.") and name.endswith(".force")
     }
-    return Histories(response.time, {**motions, **forces}, slopes)
+    return Histories(response.time, {**motions, **forces}, slopes, history.components[0])
 
 
 def with_seating(histories: Histories, response: Response) -> Histories:

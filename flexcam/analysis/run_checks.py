@@ -465,13 +465,23 @@ def _check_accuracy(ready: PreparedRun, extremes: ExtremesSink, stats: Stats) ->
 
 
 def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[str]:
-    mesh, shape = ready.model.mesh, build_structure(ready.model).dofs.nodal(extremes.most_bent[None])[0, :, :3]
+    """Yield warnings about members that deform, or rotate as rigid bodies, beyond small displacements."""
+    mesh, fields = ready.model.mesh, build_structure(ready.model).dofs.nodal(extremes.most_bent[None])[0]
     for name, line in mesh.lines.items():
-        length = np.linalg.norm(np.diff(mesh.nodes[line], axis=0), axis=1).sum()
-        share = float(np.linalg.norm(np.ptp(shape[line], axis=0)) / length)
-        if share > _MAX_DEFLECTION:
-            why = f"it deforms by {100.0 * share:.3g} % of its length"
+        nodes, motion, rotations = mesh.nodes[line], fields[line, :3], fields[line, 3:]
+        rotation = min(rotations, key=np.linalg.norm)  # of the body: bending rotates other nodes more
+        length = np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum()
+        bent = motion - np.cross(rotation, nodes)
+        deformed, moved = (float(np.linalg.norm(np.ptp(u, axis=0)) / length) for u in (bent, motion))
+        if deformed > _MAX_DEFLECTION:
+            why = f"it deforms by {100.0 * deformed:.3g} % of its length"
             yield f"Warning: member {name} leaves the range of small displacements: {why}; its results are not valid"
+        elif moved > _MAX_DEFLECTION:
+            angle = format_quantity("rad", float(np.linalg.norm(rotation)), digits=3)
+            why = "the equations keep its initial position"
+            valid = "its rotation and the moments of its inertia and its cam about its pivot remain valid"
+            others = "but not the displacements of its points and the other forces on it"
+            yield f"Warning: member {name} turns by {angle}, and {why}: {valid}, {others}"
 
 
 def _check_resolution(ready: PreparedRun, sink: ResolutionSink) -> Iterator[str]:

@@ -15,7 +15,7 @@ from flexcam.cams.law_criteria import LIMIT_OFFSET, Extreme, bisect, curve_minim
 from flexcam.cams.motion_law import Law, Ramp, RampTransition, ReversedLaw
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
-from flexcam.core.units import format_quantity
+from flexcam.core.units import IN_RADIANS, format_quantity
 
 _SNAP = 1e-9  # angles this close to a joint (rad) count as on it, so that rounding does not select the side of a jump
 GRID = np.linspace(0.0, math.tau, 7201)
@@ -143,7 +143,7 @@ class LiftEvent(Event):
             degrees = [angle for angle in (self.rise, self.dwell, self.fall) if angle > 2.0 * math.tau]
             degrees += [ramp.duration for ramp in self._ramps if ramp and ramp.duration > math.pi]
             if degrees:  # without a unit
-                remedy = f"a number without a unit is in rad: in a case write '{max(degrees):g} deg'"
+                remedy = IN_RADIANS.format(max(degrees))
             raise refuse("rise + dwell + return", given, "up to 360 deg of cam angle, ramps included", why, remedy)
         if self.single_dwell == "low" and self.dwell > 0.0:
             raise refuse("dwell", f"{math.degrees(self.dwell):g} deg", "0", 'single_dwell = "low" has no upper dwell')

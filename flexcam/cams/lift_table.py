@@ -271,9 +271,12 @@ def _minimize_cross_validation(fit: _Fit, expected: float | None = None) -> floa
 def _remarks(
     theta: FloatArray, s: FloatArray, spline: DelayedEvent, noise: float, tolerance: float | None
 ) -> list[str]:  # fmt: skip
-    """Return warnings: the unit, outliers, large changes by smoothing, and ripple below the base circle."""
+    """Return warnings: the unit, radii, outliers, large changes by smoothing, and ripple below the base circle."""
     if (top := float(s.max())) > MAX_LIFT:
         return [f"a maximum lift of {top:.4g} m is unusual: did you mean {top:.4g} mm? Check the unit of the lift"]
+    if (lowest := float(s.min())) > base_level(theta, s):
+        what = f"the lift is {1e3 * lowest:.4g} mm or more at every angle, and so never on the base circle"
+        return [f"{what}: does the table give radii? Subtract the reading on the base circle"]
     if (rows := _find_outliers(theta, s, noise)).size:
         i = int(rows[0])
         given = f"a lift of {1e3 * s[i]:.4g} mm between {1e3 * s[i - 1]:.4g} and {1e3 * s[i + 1]:.4g} mm"

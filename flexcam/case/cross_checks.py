@@ -21,7 +21,7 @@ from flexcam.core.errors import NAME, Fault, InputError, suggest_name
 from flexcam.core.units import parse
 from flexcam.fem.dofs import component, default_orientation, triads
 from flexcam.fem.mesh import Mesh
-from flexcam.valvetrain import Model
+from flexcam.valvetrain import Adjuster, Lash, Model, rocker_of
 
 Table = Mapping[str, Any]
 
@@ -306,10 +306,11 @@ _ROUNDNESS_TOLERANCE = 0.01
 
 
 def model_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
-    """Yield the faults of shafts that are not round, opposite cams on a shaft, and immovable rockers."""
+    """Yield the faults of shafts that are not round, opposite cams on a shaft, and immovable or reversed rockers."""
     yield from _unsymmetric_shaft_faults(places, model)
     yield from _rotation_faults(places, model)
     yield from _undriven_rocker_faults(places, model)
+    yield from _reversed_rocker_faults(places, model)
 
 
 def _unsymmetric_shaft_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
@@ -363,3 +364,22 @@ def _undriven_rocker_faults(places: KeyLocations, model: Model) -> Iterator[Faul
             given, why = f"{rocker.start!r}, fixed along the rocker's direction", "nothing could drive the rocker"
             allowed, remedy = "a node that can move along it", "give the direction in which the node moves, or free it"
             yield Fault(places.place(("rockers", name, "from")), given, allowed, why, remedy)
+
+
+def _reversed_rocker_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
+    """Yield lashes and adjusters at the point of a rocker that the lift of its cam opens instead of closing."""
+    joints = [
+        (name, part.ends[0], part.direction)
+        for name, part in model.contacts.items()
+        if isinstance(part, Lash | Adjuster) and part.ends is not None and part.direction is not None
+    ]
+    for contact in model.cam_contacts.values():
+        rocker = rocker_of(model, contact)
+        at_point = {name: direction for name, start, direction in joints if rocker and start == rocker.point}
+        if rocker and at_point:
+            lifts = rocker.direction * float(rocker.direction @ contact.direction)
+            if max(float(direction @ lifts) for direction in at_point.values()) < 0.0:
+                given, allowed = f"a direction against the lift of cam {contact.cam!r}", "the direction of this lift"
+                why = f"the rocker moves {rocker.point!r} with {rocker.start!r}: it does not reverse the motion"
+                remedy = f"reverse the directions of all parts beyond {rocker.point!r}, and place their nodes to suit"
+                yield Fault(places.place(("contacts", next(iter(at_point)), "direction")), given, allowed, why, remedy)

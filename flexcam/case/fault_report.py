@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
+from difflib import SequenceMatcher
 from pathlib import PurePath
 from typing import Any, TypeVar, cast, get_args, get_origin
 
@@ -180,7 +181,8 @@ def _correct_keys(
         elif len(path) == 1 and (tables_with := _tables_with(key, root)):
             hint = f"did you mean {tables_with[0]}.{key}?"
         hint = "give the diameter, twice the radius" if key == "radius" and "diameter" in known else hint
-        if meant in known and _fits(value, known[meant]) and (overridden or meant not in table):
+        is_misspelt = SequenceMatcher(None, key, meant).ratio() > _MISSPELT
+        if meant in known and (is_misspelt or _fits(value, known[meant])) and (overridden or meant not in table):
             hint = f"did you mean {meant!r}?"
             if table.keys().isdisjoint([meant, *REPLACED_KEYS.get(meant, ())]):
                 table[meant], written[(*path[:-1], meant)] = value, path
@@ -194,6 +196,9 @@ def _correct_keys(
             hint = hint if hint.startswith("did") else f"remove it, or change {variant.partition(' ')[0]}"
         faults.append(Fault(places.place(path), f"key {key!r}", allowed, why, hint))
     return tables, replace(places, templates={**places.templates, **written}), faults
+
+
+_MISSPELT = 0.9  # similarity of two keys above which one is the other misspelt, whatever its value
 
 
 def _tables_with(key: str, root: type[BaseModel]) -> list[str]:

@@ -92,7 +92,7 @@ TYPICAL_RANGES = (
     TypicalRange("masses.*.mass", 1e-8, 20.0, {"g": 1e-3, "kg": 1.0}, zero=True),
     TypicalRange("masses.*.inertia rockers.*.inertia", 1e-14, 1e3, {"g mm^2": 1e-9, "kg mm^2": 1e-6}),
     TypicalRange("springs.*.damping", 1e-9, 1e8, {"N s/mm": 1e3, "N s/m": 1.0}),
-    TypicalRange("springs.*.installed_force", 5.0, 1e5, _FORCE, turns=False),
+    TypicalRange("springs.*.installed_force", 0.5, 1e5, _FORCE, turns=False),  # a few N hold a follower
     # Retaining springs are stiffer than valve springs, and a bare 50 is unlikely to mean 50 N/m.
     TypicalRange("springs.*.stiffness", 100.0, 1e12, _STIFFNESS, "N/m", turns=False),
     TypicalRange("springs.*.stiffness", 1e-3, 1e12, {"kN m/rad": 1e3}, "N m/rad", turns=True),
@@ -327,10 +327,8 @@ _MAX_DOFS = 3000  # maximum number of degrees of freedom for which the start of 
 
 _MIN_COSINE = 0.98  # cosine of the angle of a spring to the motion of a point, below which the spring is oblique
 _CONTACT_DEPTH = 0.02  # compression of a seat or cam relative to the lift, from which it is reported
-_LIFT_TOLERANCE = 1e-9  # lift relative to its maximum from which a cam counts as off its base circle
+_BASE_LIFT = 1e-3  # lift relative to its maximum up to which a cam is on its base circle: measured lifts have noise
 _OVERSHOOT_TOLERANCE = 0.01  # overshoot relative to the initial motion from which it is reported: flexcam's choice
-
-_IMPACT_LIFT = 1e-3  # lift relative to its maximum from which a start causes an impact: measured lifts have noise
 
 
 def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
@@ -350,7 +348,7 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
         return
     lost = False
     closed = {
-        name: abs(float(cam.lift(first.angle[:1], 0)[0])) <= _LIFT_TOLERANCE * cam.event.height
+        name: abs(float(cam.lift(first.angle[:1], 0)[0])) <= _BASE_LIFT * cam.event.height
         for name, cam in model.cams.items()
     }
     for name, contact in contacts.items():
@@ -416,7 +414,7 @@ def _check_start_impact(case: Case, model: Model, problem: Problem) -> Iterator[
     for name in dict.fromkeys(contact.cam for contact in model.cam_contacts.values()):
         cam = model.cams[name]
         lift, slope = (float(cam.lift(start.angle, order)[0]) for order in (0, 1))
-        if abs(lift) > _IMPACT_LIFT * cam.event.height:
+        if abs(lift) > _BASE_LIFT * cam.event.height:
             motion = f"{1e3 * lift:.3g} mm and {slope * float(start.speed[0]):.3g} m/s"
             what = f"the run starts in the middle of its lift, at {motion}, and strikes a train at rest"
             remedy = 'turn it onto its base circle (phase), or use start = "equilibrium" or "periodic"'

@@ -35,6 +35,9 @@ _FOREIGN = {
 PLAIN_NUMBER = ", or a number in "
 """Offer of a number in SI in a message, followed by the unit; options of commands need a unit."""
 
+IN_RADIANS = "a number without a unit is in rad: in a case write '{:g} deg'"
+"""Remedy for an angle that was probably meant in deg, to be formatted with its number."""
+
 _MAX_UNIT = 40  # length of a unit up to which a similar one is searched
 _UNITS = "a unit such as mm, kg, kN/m, GPa, rpm, deg"
 """Allowed units where the quantity is not given, for messages."""

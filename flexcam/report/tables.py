@@ -59,7 +59,7 @@ _MAX_PARTS = 4  # number of parts, such as valves, up to which a table shows the
 _NO_BREAK, _CELL = "\u00a0", 62
 # A probe is at rest if it moves less than this, mm or mrad, and less than this fraction of the largest motion
 _REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE = 5e-5, 1e-5
-_FOUR_DECIMAL_AMPLITUDE = 1e-3  # motion, mm or mrad, for which four decimals are sufficient
+_FOUR_DECIMAL_AMPLITUDE = 1e-3  # motion, mm or deg, for which four decimals are sufficient
 _OMITTED_TEXTS = ("case", "files", "resolved", "overrides", "warnings")  # texts of a result not shown here
 
 
@@ -231,14 +231,13 @@ def mode_table(modes: ModelModes, title: str = "Modes, contacts open", turns: fl
 
 def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
     """Return the table of the comparison of flexible and rigid models."""
-    units = {"displacement": ("mm", 1e3), "velocity": ("m/s", 1.0), "acceleration": ("m/s^2", 1.0)}
     rows: list[tuple[str, ...]] = []
     for dev in comparison.deviations:
-        unit, scale = units[dev.quantity]
-        figures = [f"{scale * v:.4g}" for v in (dev.rigid_peak, dev.flexible_peak, dev.peak, dev.rms)]
+        factor, unit = to_display_unit(dev.unit)
+        figures = [f"{factor * v:.4g}" for v in (dev.rigid_peak, dev.flexible_peak, dev.peak, dev.rms)]
         part = dev.relative_peak
         share = format_decimals(part, 3) if part >= _MIN_FRACTION else f"{remove_noise(part, 1.0):.2g}"
-        rows.append((f"{dev.quantity}, {unit}", *figures, share, f"{dev.angle_deg % 360.0:.1f}"))
+        rows.append((f"{dev.quantity}, {unit.replace('²', '^2')}", *figures, share, f"{dev.angle_deg % 360.0:.1f}"))
     name, ref = comparison.names
     head = ("", f"{ref} peak", f"{name} peak", "peak deviation", "rms deviation", f"deviation / {ref}", "at cam deg")
     speed = shaft_speed(comparison.speed_rpm * RPM, turns)
@@ -274,7 +273,7 @@ def run_table(case: Case, extremes: ExtremesSink) -> Table:
     largest = max((float(np.abs(bounds).max()) for _, turns, bounds in ranges if not turns), default=0.0)
     rows: list[tuple[str, ...]] = []
     for name, turns, bounds in ranges:
-        factor, unit = (1e3, "mrad") if turns else to_display_unit("m")
+        factor, unit = to_display_unit("rad" if turns else "m")
         if float(np.abs(bounds).max()) > min(_REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE * largest):
             scaled = 1e-3 * factor * bounds
             amplitude = float(np.abs(scaled).max())

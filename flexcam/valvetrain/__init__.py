@@ -50,6 +50,7 @@ from flexcam.valvetrain.rigid_kinematics import (
     driving_contact,
     follower_train,
     largest_lashes,
+    rocker_of,
     valve_ratio,
 )
 from flexcam.valvetrain.rigid_model import (
@@ -94,7 +95,7 @@ __all__ = [
     "driving_contact", "element_loads", "explain_planes", "extreme_history", "follower_train", "free_running",
     "free_speed", "hertz_line", "largest_lashes", "lift_transfer", "main_lift", "member_masses", "modal_basis",
     "model_modes", "modes_on_the_lift", "nest_interference", "omit_coil_stops", "opposed_contacts", "pulling_contacts",
-    "radial_stiffness", "rigid_motion", "seating", "separation", "separation_by_flank", "share_ends", "shared_forces",
-    "spring_held_contacts", "stiff_struts", "straighten", "touching_coils", "train_metric_names", "train_metrics",
-    "undriven_shafts", "valve_loft", "valve_ratio", "valve_seating", "without_compression",
+    "radial_stiffness", "rigid_motion", "rocker_of", "seating", "separation", "separation_by_flank", "share_ends",
+    "shared_forces", "spring_held_contacts", "stiff_struts", "straighten", "touching_coils", "train_metric_names",
+    "train_metrics", "undriven_shafts", "valve_loft", "valve_ratio", "valve_seating", "without_compression",
 ]  # fmt: skip

@@ -10,6 +10,7 @@ import numpy as np
 from flexcam.cams import Event, Follower, Turn
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
+from flexcam.core.units import IN_RADIANS
 from flexcam.dynamics import AngleFunction, CamMotion, ForceLaw, Phaser, ShiftedFunction
 from flexcam.dynamics.force_laws import OIL_CHAMBER, PULSATING, SHORT_BEARING
 from flexcam.fem.rigid_bodies import PointMass
@@ -470,11 +471,14 @@ class Lever(Rocker):
     damping: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        excess = [f"{math.degrees(angle):g} deg" for angle in self.angles if abs(angle) > _MAX_ANGLE]
+        excess = [angle for angle in self.angles if abs(angle) > _MAX_ANGLE]
         if excess:
+            given = " and ".join(f"{math.degrees(angle):g} deg" for angle in excess)
             allowed = f"at most {math.degrees(_MAX_ANGLE):g} deg from the perpendicular to the motion"
             why = "an arm nearly parallel to the motion of its end cannot move it"
-            raise refuse("angles", " and ".join(excess), allowed, why)
+            worst = max(excess, key=abs)
+            remedy = IN_RADIANS.format(worst) if abs(worst) > 2.0 * math.pi else ""
+            raise refuse("angles", given, allowed, why, remedy)
 
     @property
     def ratio(self) -> float:

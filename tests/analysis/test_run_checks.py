@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -268,7 +269,16 @@ def test_large_displacements_cause_warning():
     """Linear beams compute any deflection."""
     soft = run_warnings(CASE, "materials.steel.E=2 MPa")
     assert any("member camshaft leaves the range of small displacements" in one for one in soft)
-    assert not any("small displacements" in one for one in run_warnings(CASE))
+    assert not any("small displacements" in one or "turns by" in one for one in run_warnings(CASE))
+
+
+def test_rigid_rotation_is_no_deformation():
+    """A stiff arm rotates by the lift of its cam, 18 deg; one clamped at its pivot deforms."""
+    arm = Path(__file__).with_name("arm.toml")
+    clamped = 'supports.pivot=["ux", "uy", "uz", "rx", "ry", "rz"]', "materials.steel.E=40 MPa"
+    (stiff,) = (one for one in run_warnings(arm) if "member" in one)
+    assert re.search(r"member arm turns by 1[78]\.\d deg, .*: its rotation and .* remain valid", stiff)
+    assert any("member arm leaves the range" in one for one in run_warnings(arm, *clamped))
 
 
 def test_result_file_contains_warnings(tmp_path):

@@ -96,6 +96,13 @@ def test_lift_in_metres_instead_of_millimetres_causes_remark():
     assert "8 m is unusual: did you mean 8 mm?" in remark
 
 
+def test_table_of_radii_gives_warning():
+    theta, lift = table()
+    (remark,) = lift_table(theta, 0.0185 + lift)[1].remarks
+    assert "the lift is 18.5 mm or more at every angle" in remark
+    assert "does the table give radii?" in remark
+
+
 @pytest.mark.parametrize("tolerance", [-1e-6, math.nan, math.inf])
 def test_invalid_tolerance_raises_error(tolerance):
     with pytest.raises(InputError, match=r"^tolerance:"):

@@ -164,8 +164,18 @@ def test_large_lash_does_not_hide_contact_loss(flexcam, direct, tmp_path):
     assert math.degrees(train["contacts.intake.open_on_the_lift"]) > 50.0
 
 
-def test_spring_that_opens_valve_causes_warning(flexcam, direct):
+@pytest.mark.parametrize("measured", [False, True])
+def test_spring_that_opens_valve_causes_warning(flexcam, direct, measured):
+    """The measured lift has noise of 0.1 um on the base circle."""
     text = direct.read_text(encoding="utf-8")
+    if measured:
+        degrees, noise = np.arange(360.0), np.random.default_rng(1).normal(0.0, 1e-4, 360)
+        lift = 8.5 * np.maximum(np.cos(np.radians(degrees - 66.0)), 0.0) ** 2.5 + noise
+        np.savetxt(
+            direct.with_name("lift.csv"), np.c_[degrees, lift], "%.6f", ",", header="cam_deg,lift_mm", comments=""
+        )
+        law = text[text.index('law = { id = "fb2"') : text.index("base_radius")]
+        text = text.replace(law, 'lift_table = "lift.csv"\nphase = "168 deg"\n')
     at = text.index('direction = "-uy"', text.index("[springs.valve]"))
     direct.write_text(text[:at] + text[at:].replace('"-uy"', '"uy"', 1), encoding="utf-8")
     (warning,) = (

@@ -26,6 +26,7 @@ PERIODIC = ('start = "equilibrium"', 'start = "periodic"')
 ANGLES = 'angles = ["-8 deg", "-6 deg"]'
 ARMS = 'arms = ["25 mm", "40 mm"]'
 ON_FINGER = '[contacts.second]\nat = "finger"\nmodel = "lash"\ngap = 0\nstiffness = 1e7\n\n[contacts.tip]'
+AGAINST_LIFT = '[contacts.second]\nfrom = "valve"\nto = "stem"\ndirection = "-uy"\nmodel = "lash"\ngap = 0\nstiffness = 1e7\n\n[contacts.tip]'
 OIL_ON_FINGER = '[contacts.second]\nat = "finger"\nmodel = "lash-adjuster"\nstiffness = 1e7\nleak = 1e5\nrefill = 200\nplunger_force = 20\n\n[contacts.tip]'
 TWIST = '[springs.twist]\nat = "cam"\ndirection = "rx"\n{}\n\n[springs.tappet]'
 STEM = 'stiffness = "40 kN/m"\ninstalled_force = "300 N"'
@@ -42,6 +43,8 @@ FAULTS = {
     "model of a rocker": ([('model = "lever"\nfrom = "top"', 'model = "levr"\nfrom = "top"')], "rockers.rocker.model", "'levr'", "Did you mean 'lever'"),
     "lever's lift exceeds its arm": ([(ARMS, 'arms = ["2.5 mm", "4 mm"]')], "rockers.rocker", "", ""),
     "lever installed along its motion": ([(ANGLES, 'angles = ["90 deg", "-6 deg"]')], "rockers.rocker.angles", "90 deg", "at most 75 deg from the perpendicular"),
+    "lever's angle without its unit": ([(ANGLES, 'angles = [-8, "-6 deg"]')], "rockers.rocker.angles", "-458.366 deg", "in a case write '-8 deg'"),
+    "lash behind a lever against its lift": ([("[contacts.tip]", AGAINST_LIFT)], "contacts.second.direction", "against the lift", "does not reverse the motion"),
     "lever installed backwards": ([(ANGLES, 'angles = ["200 deg", "-6 deg"]')], "rockers.rocker.angles", "200 deg", ""),
     "lever whose point stands along its motion": ([(ANGLES, 'angles = ["0 deg", "90 deg"]')], "rockers.rocker.angles", "90 deg", ""),
     "lever at a misspelt node, with a direction": ([('from = "top"', 'from = "tpo"\ndirection = "uy"')], "rockers.rocker.from", "'tpo'", "Did you mean 'top'"),

@@ -224,6 +224,7 @@ def test_misspelt_shared_key_causes_no_further_fault(edit, place, starter, subst
     [
         (('installed_force = "400 N"', 'preload = "400 N"'), ["did you mean 'installed_force'?"]),
         (('installed_force = "400 N"', 'installed_length = "40 mm"'), ["remove it"]),
+        (('installed_force = "400 N"', 'instaled_force = "400 Nm"'), ["did you mean 'installed_force'?", "use a known unit, such as N"]),
         (('dissipation = "0.3 s/m"', 'damping = "0.3 s/m"'), ["did you mean 'dissipation'?"]),
         (('dissipation = "0.3 s/m"', 'damping = "0.3 s/m"\ndissipation = 0.3'), ["remove it, or change model"]),
     ],

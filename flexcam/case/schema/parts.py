@@ -379,7 +379,7 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
         return valvetrain.GivenLoad(size or 0.0, vector, self.at, self.member)
 
 
-_DefinedPoint = Annotated[Name, Field(description="name of the point that the rocker defines")]
+_DefinedPoint = Annotated[Name, Field(description="name of the point that the rocker moves with `from`, not reversed")]
 _Arms = Annotated[tuple[Length, Length], Field(description="lengths of the arms at `from` and at `to`")]
 _DrivenDirection = Annotated[
     LineValue | None, Field(description="direction of motion at `from`; by default along the member there")
