@@ -73,7 +73,7 @@ def limits(
 ) -> cli.CommandOutput:  # fmt: skip
     """Find the speed limits of a valve train: contact loss, valve float, valve bounce, coil clash, buckling.
 
-    It runs six revolutions of the case at speeds 5 % apart that enclose the range from --lowest to --highest. For
+    It runs six revolutions of the case at --lowest, at --highest and at speeds 5 % apart between them. For
     each limit it bisects between the first speed at which the event occurs and the speed before. It then checks
     whether the event also occurs at the next three speeds, even above --highest, and at four speeds within 0.7 % of
     the limit. With --over and --and it maps the limits over two parameters of the case. Valve float is contact loss
