@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, Self
 
 import numpy as np
@@ -21,7 +21,7 @@ from flexcam.case.input_checks import check_model, check_values
 from flexcam.core import rounding_fraction
 from flexcam.core.errors import InputError
 from flexcam.core.units import format_quantity, to_display_unit
-from flexcam.dynamics import Collocation, Response, Sink, Stats, default_method, outline
+from flexcam.dynamics import Collocation, Response, Sink, Stats, collocation_refinement, default_method, outline
 from flexcam.dynamics.force_laws import THINNEST
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.valvetrain import (
@@ -102,16 +102,14 @@ def _check_cam_steps(ready: PreparedRun) -> Iterator[str]:
 
 def describe_method(ready: PreparedRun) -> list[str]:
     """Return a sentence about a run that takes Newmark's method only because its steps are too coarse."""
-    if ready.case.record.run.integrator is None and not isinstance(ready.scheme, Collocation):
-        for n in (2, 4, 8):
-            if isinstance(default_method(replace(ready.problem, step=ready.problem.step / n)), Collocation):
-                steps = n * round(ready.revolution / ready.problem.step)
-                why = f"{steps // n} steps per revolution are too few for the stiffness of the contacts"
-                finer = (
-                    f"With {steps} steps, for example, flexcam uses collocation, whose contact forces are more accurate"
-                )
-                return [f"Integrator: Newmark's method, because {why}. {finer}."]
-    return []
+    if ready.case.record.run.integrator is not None or isinstance(ready.scheme, Collocation):
+        return []
+    if (parts := collocation_refinement(ready.problem)) is None:
+        return []
+    steps = round(ready.revolution / ready.problem.step)
+    why = f"{steps} steps per revolution are too few for the stiffness of the contacts"
+    finer = f"With {parts * steps} steps, for example, flexcam uses collocation, whose contact forces are more accurate"
+    return [f"Integrator: Newmark's method, because {why}. {finer}."]
 
 
 def _check_geometric_stiffness(ready: PreparedRun) -> Iterator[str]:
