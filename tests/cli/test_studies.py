@@ -683,7 +683,7 @@ REFUSED = {
     "no case file": ("optimize", "--vary", "masses.valve.mass=80:90g", "--least", "frequency.1", "-o", "best.csv"),
     "no workers": ("optimize", "--vary", "masses.valve.mass=80:90g", "--least", "frequency.1", "--workers", "0"),
     "an interval of lengths": ("optimize", "--vary", "masses.valve.mass=0.1:0.3m", "--least", "deviation.peak"),
-    "half a map": ("limits", "--over", "masses.valve.mass=80,90g"),
+    "half a map": ("limits", "--and", "masses.valve.mass=80,90g"),
     "one value": ("limits", "--over", "masses.valve.mass=80,90g", "--and", "springs.valve.stiffness=40kN/m"),
     "the same": ("limits", "--over", "masses.valve.mass=80,90g", "--and", "masses.valve.mass=80,90g"),
     "a map of no contact": (
