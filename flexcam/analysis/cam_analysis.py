@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flexcam.analysis.preparation import prepare_without_periodic_search, scalar_probe
 from flexcam.cams import (
     PRESSURE_ANGLE,
     THRESHOLDS,
@@ -45,10 +46,13 @@ from flexcam.case.reader import has_mechanism, read_cams, read_case
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.core.units import RPM
+from flexcam.dynamics import outline
 from flexcam.io import ProfileTable
 from flexcam.valvetrain import (
     Cam,
     Model,
+    build_structure,
+    follower_train,
     largest_lashes,
     lift_transfer,
     modes_on_the_lift,
@@ -283,11 +287,12 @@ class PolydyneCam:
     design: Polydyne
     speed: float  #: design speed, rad/s
     speeds: FloatArray  #: evaluated speeds, rad/s, shape (n,)
-    #: `plain`, `compensated`: maximum deviation of the train's output from the desired motion at these speeds, m, shape
+    probe: str | None  #: scalar probe that follows the desired motion; None for a single mass
+    #: `plain`, `compensated`: maximum deviation of the probe from the desired motion at these speeds, m or rad, shape
     #: (n,): with the original cam and with this one. Infinite at resonance.
     plain: FloatArray
     compensated: FloatArray
-    #: ratio of output displacement to cam lift of the rigid train; 1 for a simple train. The deviations include it.
+    #: ratio of the probe's motion to cam lift of the rigid train; 1 for a single mass. The deviations include it.
     ratio: float
     phase: float  #: cam angle of the start of the rise, rad, which the design contains
 
@@ -318,21 +323,23 @@ def harmonic_cam(
     return HarmonicCam(fit, number, frequency, limit, case.record.cams[name].start_angle)
 
 
-def polydyne_cam(case: Case, cam: str | None, *, speed: float | None = None, count: int = 60) -> PolydyneCam:
-    """Return the cam with which the flexible valve follows the rigid valve lift of the case's cam."""
-    model = build_model(case)
+def polydyne_cam(
+    case: Case, cam: str | None, *, probe: str | None = None, speed: float | None = None, count: int = 60
+) -> PolydyneCam:
+    """Return the cam with which a probe of the flexible train moves as in the rigid train with the case's cam."""
+    ready = prepare_without_periodic_search(case)
+    model, system = ready.model, ready.problem.system
     name, omega_0 = _select_cam(model.cams, cam), case.speed if speed is None else speed
-    ratio, phase, contact = valve_ratio(model, name), case.record.cams[name].start_angle, _contact_name(model, name)
-    start = model.cam_contacts[contact].follower
-    finger = model.rocker_points.get(start)
-    if finger is not None:
-        valve = finger.point
-    else:
-        follower = model.mesh.connected_nodes(model.mesh.node(start))
-        points = [r.point for r in model.rockers.values() if not r.finger and model.mesh.node(r.start) in follower]
-        valve = points[0] if points else start
-    transfer = lift_transfer(model, contact, valve, omega_0)
-    return _evaluate_design(model.cams[name].event, phase, lambda omega: transfer(omega) / ratio, omega_0, ratio, count)
+    contact = _contact_name(model, name)
+    point = scalar_probe(ready, probe, contact)
+    row = np.concatenate([part.rows for part in system.probes])[outline(system).columns(point)][0]
+    train = follower_train(build_structure(model), model.cam_contacts[contact], f"contacts.{contact}.follower")
+    if not train.moves(row):
+        raise refuse("--probe", point, "a point and component that the cam moves", f"cams.{name} does not move it")
+    ratio, transfer = float(train.motion @ row), lift_transfer(model, contact, row, omega_0)
+    event, phase = model.cams[name].event, case.record.cams[name].start_angle
+    found = _evaluate_design(event, phase, lambda omega: transfer(omega) / ratio, omega_0, abs(ratio), count)
+    return replace(found, probe=point)
 
 
 def design_polydyne(cams: CamSet, cam: str | None, transfer: Transfer, speed: float, count: int) -> PolydyneCam:
@@ -348,7 +355,7 @@ def _evaluate_design(
     plain = Polydyne(design.target, design.target, 0.0)
     speeds = speed * np.array(SPEED_RATIOS)
     before, after = (ratio * off_design_deviation(cam, transfer, speeds.tolist()) for cam in (plain, design))
-    return PolydyneCam(design, speed, speeds, before, after, ratio, phase)
+    return PolydyneCam(design, speed, speeds, None, before, after, ratio, phase)
 
 
 def _contact_name(model: Model, cam: str) -> str:

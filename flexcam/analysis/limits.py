@@ -1,7 +1,7 @@
 """Speed limits of a train (loss of contact, valve bounce, coil clash, buckling).
 
 A limit is a condition on a run at one speed. The lowest speed of a series that meets it is bisected; the next ones show
-in which bands it is met. The series is the same for every range.
+in which bands it is met. The series consists of the ends of the range and of speeds that are the same for every range.
 """
 
 from __future__ import annotations
@@ -77,10 +77,10 @@ class Search:
             raise refuse("highest", f"{self.highest / RPM:g} rpm", f"a speed above {self.lowest / RPM:g} rpm")
 
     def speeds(self) -> list[float]:
-        """Return the powers of ``1 + spacing`` that enclose the range, rad/s."""
+        """Return the ends of the range and the powers of ``1 + spacing`` between them, rad/s."""
         step = math.log1p(self.spacing)
         first, last = math.floor(math.log(self.lowest) / step), math.ceil(math.log(self.highest) / step)
-        return [(1.0 + self.spacing) ** k for k in range(first, last + 1)]
+        return [self.lowest, *((1.0 + self.spacing) ** k for k in range(first + 1, last)), self.highest]
 
 
 @dataclass(frozen=True)
@@ -203,7 +203,6 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[Speeds, Co
     The generator receives the result of the run at the first of the speeds that it yields.
     """
     width = search.tolerance / RPM
-    unreached = Limit(None, width, f"not reached up to the highest speed of the search; criterion: {words}")
     low, parts, speeds = 0.0, list[str](), search.speeds()
     for number, high in enumerate(speeds):
         answers = yield speeds[number:]
@@ -213,10 +212,10 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[Speeds, Co
             break
         low = high
     else:
-        return unreached
+        return Limit(None, width, f"not reached up to the highest speed of the search; criterion: {words}")
     above, examined, failed_above = yield from _bands(name, high, search)
     low, failure = low or high, ""
-    while high - low > search.tolerance and low < search.highest and high > search.lowest:
+    while high - low > search.tolerance:
         middle = 0.5 * (low + high)
         answers = yield middle, 0.5 * (low + middle), 0.5 * (middle + high)
         if isinstance(answers, str):
@@ -226,16 +225,11 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[Speeds, Co
             high, parts = middle, answers[name]
         else:
             low = middle
-    lowest = max(high, search.lowest) / RPM
     (_, end), *others = above
-    bands = ((lowest, end if end is None else max(lowest, end)), *others)
-    if low == high or high <= search.lowest:
+    bands = ((high / RPM, end), *others)
+    if low == high:
         words = f"{words} ({', '.join(parts)}): already at the lowest speed of the search"
-        return Limit(search.lowest / RPM, math.inf, f"{words}{failed_above}", bands, examined)
-    if high > search.highest:
-        if failure:
-            return Limit(None, width, f"{words}: not known up to the highest speed of the search{failure}", known=False)
-        return unreached
+        return Limit(high / RPM, math.inf, f"{words}{failed_above}", bands, examined)
     limit = Limit(
         high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}){failure or failed_above}", bands, examined
     )

@@ -75,8 +75,11 @@ class PreparedRun:
         return self.case.with_run({"integrator": CollocationRecord(method="collocation")})
 
 
-def scalar_probe(ready: PreparedRun, name: str | None = None) -> str:
-    """Return a scalar probe by name; by default that of a rocker, else the first that a cam moves, else the first."""
+def scalar_probe(ready: PreparedRun, name: str | None = None, contact: str | None = None) -> str:
+    """Return a scalar probe by name; by default that of a rocker, else the first that a cam moves, else the first.
+
+    With a contact, only its cam counts.
+    """
     if name is not None:
         check_scalar_probe(name, outline(ready.problem.system))
         return name
@@ -86,8 +89,8 @@ def scalar_probe(ready: PreparedRun, name: str | None = None) -> str:
         remedy = "name a point of the case with --probe, or add probes, such as ['valve']"
         raise refuse("output.probes", "none", "at least one point", "", remedy)
     ordered = sorted(probes, key=lambda probe: probe.name not in points)
-    driven = _driven_probes(ready)
-    default = next((driven[probe.name] for probe in ordered if probe.name in driven), None)
+    moved = (driven for driven in map(_driven_probes(ready).get, [probe.name for probe in ordered]) if driven)
+    default = next((driven for driven in moved if contact in (None, driven.contact)), None)
     return _follower_component(ready, ordered[0]) if default is None else default.component
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, Self
 
 import numpy as np
@@ -22,7 +22,7 @@ from flexcam.case.input_checks import check_model, check_values
 from flexcam.core import rounding_fraction
 from flexcam.core.errors import InputError
 from flexcam.core.units import format_quantity, to_display_unit
-from flexcam.dynamics import Collocation, Response, Sink, Stats, default_method, outline
+from flexcam.dynamics import Collocation, Response, Sink, Stats, collocation_refinement, default_method, outline
 from flexcam.dynamics.force_laws import THINNEST
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.valvetrain import (
@@ -35,6 +35,7 @@ from flexcam.valvetrain import (
     Metric,
     Model,
     PublishedLoad,
+    Resolution,
     ResolutionSink,
     build_structure,
     compressed_members,
@@ -76,43 +77,59 @@ MAX_PERIODICITY_ERROR = 1e-3
 # Before a run
 
 
-def check_input(ready: PreparedRun) -> list[str]:
-    """Return warnings about a case: implausible numbers, impossible lobes, parts without effect, open contacts."""
+def check_input(ready: PreparedRun, steps: int = 0) -> list[str]:
+    """Return warnings about a case: implausible numbers, impossible lobes, parts without effect, open contacts.
+
+    A finished run may require more steps per revolution than its lifts, see `required_steps`.
+    """
     return [
         *check_values(ready.case),
         *check_lobes(ready.model),
         *check_model(ready.case, ready.model, ready.problem, ready.scheme),
-        *_check_cam_steps(ready),
+        *_check_cam_steps(ready, steps or required_steps(ready)),
         *_check_geometric_stiffness(ready),
     ]
 
 
-def _check_cam_steps(ready: PreparedRun) -> Iterator[str]:
+def _check_cam_steps(ready: PreparedRun, enough: int) -> Iterator[str]:
     """Yield warnings about cams whose lift deviates too far from a straight line between two steps."""
     turn = ready.case.speed * ready.problem.step
-    for name, cam in ready.model.cams.items():
-        curvature = float(np.abs(cam.event(_LIFT_ANGLES, 2)).max()) / (8.0 * cam.event.height)
-        if curvature * turn**2 > _LIFT_TOLERANCE:
-            missed, enough = min(curvature * turn**2, 1.0), 2.0 * math.pi * math.sqrt(curvature / _LIFT_TOLERANCE)
+    for name, error in _lift_errors(ready).items():
+        if error > _LIFT_TOLERANCE:
             yield (
                 f"Warning: with {2.0 * math.pi / turn:.4g} steps per revolution, interpolation between steps "
-                f"changes the lift of cam {name} by up to {100.0 * missed:.3g} %; "
-                f"use at least {math.ceil(enough)}, and several times more with contacts that open and close"
+                f"changes the lift of cam {name} by up to {100.0 * min(error, 1.0):.3g} %; "
+                f"use at least {enough}, and several times more with contacts that open and close"
             )
 
 
-def describe_method(ready: PreparedRun) -> list[str]:
+def _lift_errors(ready: PreparedRun) -> dict[str, float]:
+    """Return the largest deviation of each lift from a straight line between two steps, relative to the lift."""
+    turn = ready.case.speed * ready.problem.step
+    cams = ready.model.cams.items()
+    return {name: turn**2 * float(np.abs(c.event(_LIFT_ANGLES, 2)).max()) / (8.0 * c.event.height) for name, c in cams}
+
+
+def required_steps(ready: PreparedRun, monitor: RunMonitor | None = None) -> int:
+    """Return the steps per revolution that lifts and accelerations of a run require; zero if its own suffice."""
+    ratio = math.sqrt(max(_lift_errors(ready).values(), default=0.0) / _LIFT_TOLERANCE)
+    if monitor is not None and _has_member_dofs(ready):
+        ratio = max(ratio, _MIN_STEPS / monitor.resolution.evaluate().steps)
+    return math.ceil(ratio * ready.revolution / ready.problem.step) if ratio > 1.0 else 0
+
+
+def describe_method(ready: PreparedRun, monitor: RunMonitor) -> list[str]:
     """Return a sentence about a run that takes Newmark's method only because its steps are too coarse."""
-    if ready.case.record.run.integrator is None and not isinstance(ready.scheme, Collocation):
-        for n in (2, 4, 8):
-            if isinstance(default_method(replace(ready.problem, step=ready.problem.step / n)), Collocation):
-                steps = n * round(ready.revolution / ready.problem.step)
-                why = f"{steps // n} steps per revolution are too few for the stiffness of the contacts"
-                finer = (
-                    f"With {steps} steps, for example, flexcam uses collocation, whose contact forces are more accurate"
-                )
-                return [f"Integrator: Newmark's method, because {why}. {finer}."]
-    return []
+    if ready.case.record.run.integrator is not None or isinstance(ready.scheme, Collocation):
+        return []
+    if (parts := collocation_refinement(ready.problem)) is None:
+        return []
+    steps = round(ready.revolution / ready.problem.step)
+    why = f"{steps} steps per revolution are too few for the stiffness of the contacts"
+    finer = f"With {parts * steps} steps, for example, flexcam uses collocation, whose contact forces are more accurate"
+    sentences = [f"Integrator: Newmark's method, because {why}."]
+    sentences += [] if required_steps(ready, monitor) else [f"{finer}."]  # a warning recommends another number
+    return [" ".join(sentences)]
 
 
 def _check_geometric_stiffness(ready: PreparedRun) -> Iterator[str]:
@@ -254,16 +271,16 @@ def check_response(case: Case, response: Response) -> list[str]:
 
 def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], stats: Stats) -> list[str]:
     """Return warnings about a run."""
-    revolved = has_whole_revolution(ready, stats.steps)
+    revolved, steps = has_whole_revolution(ready, stats.steps), required_steps(ready, monitor)
     return [
-        *check_input(ready),
+        *check_input(ready, steps),
         *describe_model_limits(ready),
         *check_events(metrics),
         *(_check_open_lashes(ready.model, metrics) if revolved else ()),
         *(_check_seating(metrics) if revolved else ()),
         *_check_accuracy(ready, monitor.extremes, stats),
         *(_check_deflections(ready, monitor.extremes) if _has_member_dofs(ready) else ()),
-        *(_check_resolution(ready, monitor.resolution) if _has_member_dofs(ready) else ()),
+        *(_check_resolution(ready, monitor.resolution.evaluate(), steps) if _has_member_dofs(ready) else ()),
     ]
 
 
@@ -484,14 +501,12 @@ def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[s
             yield f"Warning: member {name} turns by {angle}, and {why}: {valid}, {others}"
 
 
-def _check_resolution(ready: PreparedRun, sink: ResolutionSink) -> Iterator[str]:
-    resolution, case = sink.evaluate(), ready.case
+def _check_resolution(ready: PreparedRun, resolution: Resolution, enough: int) -> Iterator[str]:
+    case = ready.case
     if is_coarse := resolution.steps < _MIN_STEPS:
-        per_revolution = ready.revolution / ready.problem.step
-        enough = math.ceil(0.1 * per_revolution * _MIN_STEPS / resolution.steps) * 10
         mean = f"the accelerations have a mean frequency of {resolution.frequency:.4g} Hz"
         period = f"a vibration of this frequency has only {resolution.steps:.3g} time steps per period"
-        yield f"Warning: {mean}; {period}; use about {enough} steps per revolution and check again"
+        yield f"Warning: {mean}; {period}; use at least {enough} steps per revolution and check again"
     for name, count in resolution.elements.items():
         if count < _MIN_ELEMENTS and not is_coarse:  # otherwise the steps determine the frequency
             enough = math.ceil(_MIN_ELEMENTS / count) * case.record.members[name].elements

@@ -1,4 +1,4 @@
-"""Commands that find the limits of a train: limits, with maps over two parameters of a case, and stability."""
+"""Commands that find the limits of a train: limits, with maps over parameters of a case, and stability."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from flexcam.studies.sweep import validate_plan
 from flexcam.studies.variables import InterruptibleRuns, require_units
 from flexcam.valvetrain import opposed_contacts
 
-_MAP = Group("Map over two parameters", sort_key=1)
+_MAP = Group("Map over one parameter or two", sort_key=1)
 
 _AHEAD = 2  # runs begun per process: none waits for the next one
 
@@ -73,12 +73,12 @@ def limits(
 ) -> cli.CommandOutput:  # fmt: skip
     """Find the speed limits of a valve train: contact loss, valve float, valve bounce, coil clash, buckling.
 
-    It runs six revolutions of the case at speeds 5 % apart that enclose the range from --lowest to --highest. For
+    It runs six revolutions of the case at --lowest, at --highest and at speeds 5 % apart between them. For
     each limit it bisects between the first speed at which the event occurs and the speed before. It then checks
     whether the event also occurs at the next three speeds, even above --highest, and at four speeds within 0.7 % of
-    the limit. With --over and --and it maps the limits over two parameters of the case. Valve float is contact loss
-    over the nose; valve loft is valve lift above that of the rigid train. Speeds are those of the crankshaft if the
-    case gives crank_speed, otherwise those of the camshaft.
+    the limit. With --over it maps the limits over a parameter of the case, with --and over two. Valve float is contact
+    loss over the nose; valve loft is valve lift above that of the rigid train. Speeds are those of the crankshaft if
+    the case gives crank_speed, otherwise those of the camshaft.
     """
     read = cli.load_beams(case, overrides)
     scale, search = read.turns, Search(*cli.search_range(lowest, highest, accuracy, read))
@@ -91,15 +91,16 @@ def limits(
     cli.check_number("--workers", workers)
     of_map = {"--over": over, "--and": beside, "--limit": which, "--csv": csv, "--plot": plot}
     if options := [name for name, value in of_map.items() if value is not None]:
-        if over is None or beside is None:
-            given, allowed = " and ".join(options), "both --over and --and, each with KEY=START:STOP:STEPunit"
-            raise refuse(given, "an incomplete map", allowed, "", f"give both, or leave {given} out")
+        if over is None:
+            given = " and ".join(options)
+            raise refuse(given, "no map", "--over KEY=START:STOP:STEPunit", "", f"add it, or leave {given} out")
         if deviation is not None or cutoff is not None:
             text = "--lift-deviation or --low-pass with --over"
             raise refuse("limits", text, "one of them", "a map has only the other limits")
         cli.check_targets(csv, plot, case, overwrite=overwrite)
         names = which or ["loss_of_contact"]
-        return _map_limits(case, overrides, (over, beside), names, search, 1 if workers is None else workers)
+        axes = [_axis("--over", over), *([] if beside is None else [_axis("--and", beside)])]
+        return _map_limits(case, overrides, axes, names, search, 1 if workers is None else workers)
     count = count_cores() if workers is None else workers
     with show_count(None, "runs") as advance, open_speed_runs(read, search, count) as runs:
         result = find_limits(read, replace(search, nearby=True), start=runs, ahead=_AHEAD * count, advance=advance)
@@ -129,10 +130,10 @@ def limits(
 
 
 def _map_limits(
-    path: Path, overrides: cli.Overrides, settings: tuple[str, str], kinds: Sequence[str], search: Search, workers: int
+    path: Path, overrides: cli.Overrides, axes: Sequence[Axis], kinds: Sequence[str], search: Search, workers: int
 ) -> cli.CommandOutput:
     file = OpenCase.open(path)
-    plan = grid_plan(_axis("--over", settings[0]), _axis("--and", settings[1]), overrides or ())
+    plan = grid_plan(axes, overrides or ())
     case = validate_plan(file, plan)
     require_units(case, plan.varied_axes)
     names = [f"limits.{kind}" for kind in kinds]
@@ -157,12 +158,13 @@ def _axis(option: str, setting: str) -> Axis:
 
 def limit_map_output(found: LimitMap, shaft: str) -> cli.CommandOutput:
     """Return the output of a map of limits."""
-    first, second = found.axes
-    down, across = (with_unit(axis.key, axis.unit) for axis in found.axes)
-    rows_at, columns_at = ([value.number or 0.0 for value in axis.values] for axis in found.axes)
-    head = (down, *map(format_number, columns_at))
+    labels = [with_unit(axis.key, axis.unit) for axis in found.axes]
+    places = [[value.number or 0.0 for value in axis.values] for axis in found.axes]
+    head, columns = (labels[0], f"{shaft} rpm"), ""
+    if len(places) > 1:
+        head, columns = (labels[0], *map(format_number, places[1])), f"; columns: {labels[1]}"
     tables = [
-        plain_table(f"{name.replace('_', ' ')}, {shaft} rpm; columns: {across}", head, np.c_[rows_at, rpm].tolist())
+        plain_table(f"{name.replace('_', ' ')}, {shaft} rpm{columns}", head, np.c_[places[0], rpm].tolist())
         for name, rpm in found.rpm.items()
     ]
     words: list[str] = []
@@ -170,21 +172,21 @@ def limit_map_output(found: LimitMap, shaft: str) -> cli.CommandOutput:
         words.append("A dash: no limit in the range of the search.")
     if failed := [status for status in found.statuses if not status.ok]:
         words.append(f"{len(failed)} variants failed; the first: {failed[0]}")
-    head = (down, across, *(f"{name} [{shaft} rpm]" for name in found.rpm), "status")
+    head = (*labels, *(f"{name} [{shaft} rpm]" for name in found.rpm), "status")
     speeds = zip(*(rpm.ravel().tolist() for rpm in found.rpm.values()), strict=True)
-    places = zip(product(rows_at, columns_at), speeds, found.statuses, strict=True)
-    rows = [(*place, *rpm, status.cause) for place, rpm, status in places]
+    variants = zip(product(*places), speeds, found.statuses, strict=True)
+    rows = [(*place, *rpm, status.cause) for place, rpm, status in variants]
+    axes = zip(("over", "and"), found.axes, places, strict=False)
     json = {
         "shaft": shaft,
-        "over": {"key": first.key, "unit": first.unit, "values": rows_at},
-        "and": {"key": second.key, "unit": second.unit, "values": columns_at},
+        **{option: {"key": axis.key, "unit": axis.unit, "values": values} for option, axis, values in axes},
         "limits_rpm": found.rpm,
         "statuses": [status.cause for status in found.statuses],
     }
     rpm = {f"{name.replace('_', ' ')}\n{shaft} speed, rpm": speeds for name, speeds in found.rpm.items()}
     return cli.CommandOutput(
         [*tables, *words], json, format_csv(head, rows),
-        draw=lambda: plotting.histories.map_figure(np.array(columns_at), np.array(rows_at), rpm, (across, down)),
+        draw=lambda: plotting.histories.limits_figure([np.array(values) for values in places], rpm, labels),
     )  # fmt: skip
 
 

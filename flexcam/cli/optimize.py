@@ -82,6 +82,8 @@ def optimize(
     cli.refuse_without("--method gradient", {"--starts": starts}, present=by_gradient)
     if by_gradient:
         exact_names(options.case, names, "exact", option="--method gradient", other="use --method evolution")
+    else:
+        optimization.generation_size(len(goals), len(variables), evaluations, seed)
     with suppress(RunFailedError):  # a case that fails may have better variants
         options.initial_quantities(evaluations)
     worst = _worst_case(options, at, goals, bounds, [variable.key for variable in variables]) if at else None

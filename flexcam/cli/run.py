@@ -29,7 +29,6 @@ from flexcam.case.problem_builder import excitation_without_period
 from flexcam.cli import app as cli
 from flexcam.core.errors import NAME, NAMES, InputError, collect_errors, refuse
 from flexcam.dynamics import Cause, Response, RunFailedError, Stats, Status, solve
-from flexcam.dynamics.memory import ExtremesSink
 from flexcam.io import check_folder, check_folder_name, check_writable
 from flexcam.report import tables
 from flexcam.report.fidelity_tables import choice_json, describe_choice, error_table
@@ -106,7 +105,7 @@ def run(
     errors, notes = _estimate_errors(read, probe, until) if probe and response.status.ok else ((), ())
     path, warnings = sink.path if response.status.ok else sink.partial, [*doubtful(response.stats), *notes]
     figures = metrics(response.stats.steps)
-    output = _describe_run(ready, response, figures, monitor.extremes, path, strength, errors, warnings, choice)
+    output = _describe_run(ready, response, figures, monitor, path, strength, errors, warnings, choice)
     if response.status.ok and choice is not None and not choice.is_met:
         why, remedy = f"the tolerance is not met: {choice.why}", "allow more, or refine the case"
         return replace(output, status=Status(Cause.TOLERANCE, why, remedy))
@@ -114,10 +113,10 @@ def run(
 
 
 def _describe_run(
-    ready: PreparedRun, response: Response, figures: Sequence[Metric], extremes: ExtremesSink, path: Path,
+    ready: PreparedRun, response: Response, figures: Sequence[Metric], monitor: run_checks.RunMonitor, path: Path,
     strength: StrengthSink, errors: Sequence[Error], warnings: Sequence[str], choice: Choice | None,
 ) -> cli.CommandOutput:  # fmt: skip
-    case, stats, status = ready.case, response.stats, response.status
+    case, stats, status, extremes = ready.case, response.stats, response.status, monitor.extremes
     stressed = strength.members() if case.record.fidelity.model == "beams" else {}
     change = run_metrics.revolution_change(ready, response, strength if stressed else None)
     merit = run_metrics.figures_of_merit(case, figures) if figures else ()
@@ -150,7 +149,7 @@ def _describe_run(
     elif status.ok and ready.model.cam_contacts and stats.unknowns and stats.periodicity < 0.0:
         hint = "with run.revolutions = 2, flexcam prints the difference between the two revolutions"
         parts.append(f"Fewer than two revolutions: the start may affect the results; {hint}")
-    parts += run_checks.describe_method(ready)
+    parts += run_checks.describe_method(ready, monitor)
     if balance := run_checks.describe_balance(extremes, stats):
         parts.append(f"Energy balance: {balance}")
     opening = f"\nOpen it in ParaView 5.12 or newer; for older versions: flexcam export {path} --format pvd"

@@ -20,6 +20,7 @@ from flexcam.cli import app as cli
 from flexcam.cli.law import CRITERIA_LEGEND, format_criteria
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, format_quantity, parse
+from flexcam.dynamics import component_unit
 from flexcam.io import check_writable, create_folder, write_law, write_lift
 from flexcam.report.terminal import facts_table, plain_table, remove_noise
 
@@ -70,12 +71,13 @@ def _pareto_table(front: Sequence[Synthesis]) -> Table:
 
 
 def _polydyne_table(cam: cam_analysis.PolydyneCam) -> Table:
+    unit = component_unit((cam.probe or "").rpartition(".")[2], "um")
     rows = [
         (f"{speed / RPM:.6g}", *(f"{1e6 * value:.4g}" if math.isfinite(value) else "resonance" for value in deviations))
         for speed, *deviations in np.array([cam.speeds, cam.plain, cam.compensated]).T.tolist()
     ]
-    head = ("camshaft rpm", "plain cam, um", "polydyne cam, um")
-    title = "Max deviation of the valve from the target motion"
+    head = ("camshaft rpm", f"plain cam, {unit}", f"polydyne cam, {unit}")
+    title = f"Max deviation of {cam.probe or 'the mass'} from the target motion"
     return plain_table(f"{title}; design speed: camshaft {cam.speed / RPM:.6g} rpm", head, rows)
 
 
@@ -276,16 +278,17 @@ def polydyne(
     frequency: Annotated[str | None, Parameter(
         help="Natural frequency of one mass on a spring, instead of the train of the case.")] = None,
     damping: Annotated[float, Parameter(help="Damping ratio of that mass.")] = 0.0,
-    count: Annotated[int, Parameter(help="Number of harmonics.")] = 60,
+    probe: cli.Probe = None, count: Annotated[int, Parameter(help="Number of harmonics.")] = 60,
     output: LiftOutput = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False,
     as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip
-    """Design a polydyne cam: at the design speed the flexible train moves the valve as a rigid one would."""
+    """Design a polydyne cam: at the design speed the flexible train moves a point as a rigid one would."""
     cli.check_distinct_files({"--output": output}, [case])
     at = None if speed is None else positive("--speed", cli.parse_quantity("--speed", speed, "speed", "rpm"), "rad/s")
     if damping and frequency is None:
         raise refuse("--damping", damping, "--damping only with --frequency", "the train of the case has its own")
     if frequency is not None:
+        cli.refuse_options({"--probe": probe}, "--frequency replaces the train by a single mass")
         omega = 2.0 * math.pi * cli.parse_quantity("--frequency", frequency, "frequency", "Hz")
         cams = cam_analysis.load_cams(case, overrides or ())
         design_speed = cams.speed if at is None else at
@@ -293,7 +296,7 @@ def polydyne(
             raise refuse("--speed", "nothing", "the design speed, such as 3000rpm", f"{cams.name} has no speed")
         cam = cam_analysis.design_polydyne(cams, name, SingleMass(omega, damping), design_speed, count)
     elif has_mechanism(case):
-        cam = cam_analysis.polydyne_cam(cli.load_case(case, overrides), name, speed=at, count=count)
+        cam = cam_analysis.polydyne_cam(cli.load_case(case, overrides), name, probe=probe, speed=at, count=count)
     else:
         text, remedy = f"{case.name}, which has only cams", "add --frequency for one mass on a spring"
         raise refuse("case", text, "a case with the train that the cam drives", "", remedy)
@@ -301,7 +304,7 @@ def polydyne(
     lift = cam.design.event.with_delay(-cam.phase)
     files = [] if output is None else [write_lift(lift, output, about=about, overwrite=overwrite)]
     json = {
-        "design_speed_rpm": cam.speed / RPM, "left_out": cam.design.left_out,
+        "design_speed_rpm": cam.speed / RPM, "probe": cam.probe, "left_out": cam.design.left_out,
         "lift": [end.value for end in event_extremes(cam.design.event)],
         "acceleration": [end.value for end in event_extremes(cam.design.event, 2)], "ratio": cam.ratio,
         "speeds_rpm": cam.speeds / RPM, "plain": cam.plain, "polydyne": cam.compensated,

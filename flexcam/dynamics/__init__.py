@@ -35,7 +35,7 @@ from flexcam.dynamics.cam_motion import (
 )
 from flexcam.dynamics.central_difference import CentralDifference, central_difference, highest_frequency
 from flexcam.dynamics.collocation import Collocation, collocation
-from flexcam.dynamics.engine_selection import default_method
+from flexcam.dynamics.engine_selection import collocation_refinement, default_method
 from flexcam.dynamics.generalized_alpha import Scheme, generalized_alpha, hht, newmark
 from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.law_data import ForceLaw, elastic_stop, hunt_crossley_contact, oil_column_law, spring_damper
@@ -108,9 +108,9 @@ __all__ = [
     "Probe", "Problem", "ProgressCallback", "Reaction", "Response", "RunFailedError", "SaveAt", "Scheme",
     "ScipyIntegrator", "Series", "ShiftedFunction", "Sink", "SpeedByAngle", "State", "Stats", "Status", "System",
     "TangentRun", "Tangents", "Variation", "active_dofs_of", "basis_of", "bathe", "central_difference",
-    "check_scalar_probe", "collocation", "component_unit", "constant", "corrected_modes", "craig_bampton",
-    "default_method", "derivative", "dop853", "elastic_stop", "equilibrium", "find_active_dofs", "fingerprint",
-    "floquet", "force_sum", "frequency_response", "generalized_alpha", "hht", "highest_frequency",
+    "check_scalar_probe", "collocation", "collocation_refinement", "component_unit", "constant", "corrected_modes",
+    "craig_bampton", "default_method", "derivative", "dop853", "elastic_stop", "equilibrium", "find_active_dofs",
+    "fingerprint", "floquet", "force_sum", "frequency_response", "generalized_alpha", "hht", "highest_frequency",
     "hunt_crossley_contact", "instability_status", "installed_state", "integrated_size", "load_sum", "mac",
     "method_refusal", "modes", "moving_equilibrium", "newmark", "normalized_response", "observable_sum",
     "oil_column_law", "outline", "peak", "prescribed_probes", "project_system", "radau", "reraise_interrupt", "row_of",

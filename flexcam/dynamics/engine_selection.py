@@ -87,17 +87,27 @@ def select_engine(problem: Problem, method: Method) -> SelectedEngine:
 
 def default_method(problem: Problem) -> Method:
     """Return the collocation for a system with local forces if it suits the steps, else the average acceleration."""
+    return collocation() if collocation_refinement(problem, 1) else newmark()
+
+
+def collocation_refinement(problem: Problem, most: int = 4096) -> int | None:
+    """Return the smallest power of two by which to divide the steps of a problem for the collocation.
+
+    None if the collocation does not suit the problem, or its contacts even with a division by `most`.
+    """
     system = problem.system
     if not system.local_forces or system.prescribed_motion is not None or problem.engine not in ("auto", "kernel"):
-        return newmark()
+        return None
     basis = basis_of(problem)
     try:
         _, transformed = _modal_problem(
             problem if basis is None else reduce_problem(problem, basis), collocation(), "kernel"
         )
     except _UnsuitableEngineError:
-        return newmark()
-    return collocation() if contact_stiffness_ratio(transformed, problem.step / _DIVISIONS) <= 1.0 else newmark()
+        return None
+    powers = (2**k for k in range(most.bit_length()))
+    step = problem.step / _DIVISIONS
+    return next((parts for parts in powers if contact_stiffness_ratio(transformed, step / parts) <= 1.0), None)
 
 
 def candidate_engines(problem: Problem, method: Method) -> tuple[EngineName, ...]:

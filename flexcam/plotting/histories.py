@@ -339,6 +339,16 @@ def front_figure(values: FloatArray, inside: np.ndarray, front: Sequence[int], l
     return figure
 
 
+def limits_figure(places: Sequence[FloatArray], values: Mapping[str, FloatArray], labels: Sequence[str]) -> Figure:
+    """Return a figure of values over one number as curves, over two as maps, one diagram per label."""
+    if len(places) > 1:
+        return map_figure(places[1], places[0], values, (labels[1], labels[0]))
+    figure, axes = create_stacked_axes(list(values), labels[0], height=2.4)
+    for axis, numbers in zip(axes, values.values(), strict=True):
+        axis.plot(places[0], numbers, color=COLOURS[0], marker="o", markersize=3)
+    return figure
+
+
 def map_figure(
     along: FloatArray, down: FloatArray, values: Mapping[str, FloatArray], labels: tuple[str, str],
     failed: NDArray[np.bool_] | None = None,

@@ -239,20 +239,11 @@ def optimize(design: OptimizationProblem, *, evaluations: int = 200, seed: int =
     without derivatives (T. M. Ragonneau and Z. Zhang, 2024), refines the best variant.
     Two goals need NSGA-II: K. Deb et al., IEEE Trans. Evol. Comput. 6 (2002) 182, as implemented in pymoo.
     """
-    if len(design.goals) > 2:
-        raise refuse("goals", len(design.goals), "one or two", "")
-    two = len(design.goals) == 2
-    if two:
-        require_packages("optimize", "two goals", "design", "pymoo")
-    generation = min(max(_POINTS_PER_VARIABLE * len(design.points.variables), _MIN_POINTS), _MAX_POINTS)
-    generation *= 2 if two else 1
-    if evaluations < 2 * generation:
-        raise refuse("--evaluations", evaluations, f"{2 * generation} or more", "the search needs two generations")
-    check_seed(seed)
+    generation = generation_size(len(design.goals), len(design.points.variables), evaluations, seed)
     judge = ProblemEvaluator(design)
 
     def search() -> None:
-        if two:
+        if len(design.goals) == 2:
             _run_nsga2(judge, generation, evaluations // generation, seed)
             return
         _differential_evolution(judge, generation, int(_GLOBAL_FRACTION * evaluations), seed)
@@ -260,6 +251,19 @@ def optimize(design: OptimizationProblem, *, evaluations: int = 200, seed: int =
             _refine(judge, remaining)
 
     return judge.run_search(search)
+
+
+def generation_size(goals: int, variables: int, evaluations: int, seed: int) -> int:
+    """Return the number of variants in a generation; raise an error, before any run, if the search is impossible."""
+    if goals > 2:
+        raise refuse("goals", goals, "one or two", "")
+    if goals == 2:
+        require_packages("optimize", "two goals", "design", "pymoo")
+    generation = goals * min(max(_POINTS_PER_VARIABLE * variables, _MIN_POINTS), _MAX_POINTS)
+    if evaluations < 2 * generation:
+        raise refuse("--evaluations", evaluations, f"{2 * generation} or more", "the search needs two generations")
+    check_seed(seed)
+    return generation
 
 
 def _differential_evolution(judge: ProblemEvaluator, generation: int, evaluations: int, seed: int) -> None:

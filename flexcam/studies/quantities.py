@@ -229,26 +229,26 @@ def create_evaluator(
 
 @dataclass(frozen=True, eq=False)
 class LimitMap:
-    """Speed limits over two numbers."""
+    """Speed limits over one number or two."""
 
-    axes: tuple[Axis, Axis]  #: axes of the rows and of the columns
-    #: speed by limit, such as ``loss_of_contact``, shape (rows, columns), of the crankshaft if the case gives
-    #: ``crank_speed``, else of the camshaft; NaN if the limit is not met in the search range, or a run failed
+    axes: tuple[Axis, ...]  #: axis of the rows, and that of the columns if there are two
+    #: speed by limit, such as ``loss_of_contact``, shape (rows,) or (rows, columns), of the crankshaft if the case
+    #: gives ``crank_speed``, else of the camshaft; NaN if the limit is not met in the search range, or a run failed
     rpm: Mapping[str, FloatArray]
     statuses: tuple[Status, ...]  #: status of every variant, row by row
 
 
-def grid_plan(first: Axis, second: Axis, fixed: Sequence[str] = ()) -> Plan:
-    """Return the grid plan of two axes."""
-    for axis in (first, second):
+def grid_plan(axes: Sequence[Axis], fixed: Sequence[str] = ()) -> Plan:
+    """Return the grid plan of one axis or two."""
+    for axis in axes:
         if not axis.is_varied or not axis.is_numeric:
             given = "one value" if len(axis.values) == 1 else f"{len(axis.values)} values"
             raise refuse(axis.where, given, "several numbers", "the map needs a grid of values")
-    if first.key == second.key:
-        raise refuse("--and", second.key, "another key than that of --over", "the map needs two different values")
+    if len({axis.key for axis in axes}) < len(axes):
+        raise refuse("--and", axes[0].key, "another key than that of --over", "the map needs two different values")
     pairs = [setting.partition("=") for setting in fixed]
     fixed_axes = [Axis(key.strip(), f"--set {key}={text}", (Value(text.strip(), None),)) for key, _, text in pairs]
-    return make_plan([*fixed_axes, first, second])
+    return make_plan([*fixed_axes, *axes])
 
 
 def limit_map(plan: Plan, names: Sequence[str], runs: Runs) -> LimitMap:
@@ -256,9 +256,8 @@ def limit_map(plan: Plan, names: Sequence[str], runs: Runs) -> LimitMap:
     rows = list(runs(plan.variants))
     if all(row.status.cause is Cause.REFUSED for row in rows):
         require_complete(rows[0])
-    first, second = plan.varied_axes
     rpm = {name: column(rows, f"limits.{name}").reshape(plan.shape) for name in names}
-    return LimitMap((first, second), rpm, tuple(row.status for row in rows))
+    return LimitMap(plan.varied_axes, rpm, tuple(row.status for row in rows))
 
 
 @contextmanager

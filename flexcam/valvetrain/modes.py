@@ -324,8 +324,8 @@ def _kind(axis: int, component: int) -> str:
 _MAX_RESPONSE_UNKNOWNS = 3000  # number of unknowns up to which a dense solution per harmonic is reasonable
 
 
-def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Callable[[FloatArray], ComplexArray]:
-    """Return the motion of a point per lift of a cam, as a function of the circular frequency."""
+def lift_transfer(model: Model, contact: str, row: FloatArray, speed: float) -> Callable[[FloatArray], ComplexArray]:
+    """Return a scalar of the motion, shape (n,), per lift of a cam, as a function of the circular frequency."""
     system = build_system(model, speed)
     if contact not in model.cam_contacts:
         raise refuse("contact", repr(contact), f"one of {', '.join(model.cam_contacts)}")
@@ -346,7 +346,6 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
         if isinstance(lash, Lash | Adjuster):
             closed = scalar_matrix(stop_row(structure, name, lash), lash.stiffness)
             stiffness, free = stiffness + closed, None
-    row = structure.row(probe, np.zeros(6) if probe in model.rocker_points else pair.direction, "probe")
     M, C, K = (np.asarray(matrix.dense()) for matrix in (system.mass, system.damping, stiffness))
     static = float(row @ static_displacement(stiffness, force, system.names, free))
 

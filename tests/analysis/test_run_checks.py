@@ -120,13 +120,13 @@ def test_coarse_elements_and_impacts_cause_warnings():
     ]
 
 
-@pytest.mark.parametrize(("steps", "more"), [(19.9, 730), (7.0, 2060), (1.5, 9600)])
+@pytest.mark.parametrize(("steps", "more"), [(19.9, 724), (7.0, 2058), (1.5, 9600)])
 def test_warning_states_sufficient_steps(steps, more):
     """A period needs 20 of the 720 steps per revolution; the number of elements depends on its frequency."""
     ready, seen, response = monitored_run(CASE)
     found = FixedResolution(Resolution(400.0, steps, {"camshaft": 1.9}, {}))
     (run_warnings,) = check_run(ready, replace(seen, resolution=found), [], response.stats)
-    assert run_warnings.endswith(f"use about {more} steps per revolution and check again")
+    assert run_warnings.endswith(f"use at least {more} steps per revolution and check again")
 
 
 def test_monitor_from_response_matches_run():

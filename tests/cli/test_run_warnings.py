@@ -73,6 +73,20 @@ def test_coarse_steps_recommend_collocation(engine, flexcam, steps, warned):
     assert "Newmark" not in flexcam("run", engine, "--set", "run.integrator={method='newmark'}", "--name", "other").out
 
 
+def test_coarse_run_recommends_one_number_of_steps(one_mass, flexcam):
+    """The lift needs more steps than the accelerations, whose frequency coarse steps underestimate."""
+    output = " ".join(flexcam("run", one_mass(), "--set", "run.steps_per_revolution=36").out.split())
+    assert "time steps per period" in output
+    assert "Newmark's method, because 36 steps per revolution are too few" in output
+    assert len(set(re.findall(r"use at least (\d+)|With (\d+) steps", output))) == 1
+
+
+def test_stiff_contact_recommends_collocation(one_mass, flexcam):
+    """The stiffness needs 32 times the 720 steps: its frequency is that of 0.1 kg, 500 kHz."""
+    output = " ".join(flexcam("run", one_mass(), "--set", "contacts.k.stiffness=1e12").out.split())
+    assert "With 23040 steps, for example, flexcam uses collocation" in output
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("rpm", "warned"), [(60_000, True), (5000, False)])
 def test_valve_that_does_not_close_causes_warning(engine, flexcam, rpm, warned):

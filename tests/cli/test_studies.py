@@ -340,6 +340,12 @@ def test_bound_of_zero_has_no_relative_margin(flexcam, oscillator):
     assert "Add the unit, such as Hz" in bare.err
 
 
+def test_few_evaluations_are_refused_before_first_run(flexcam, oscillator, monkeypatch):
+    monkeypatch.setattr("flexcam.cli.study_options.StudyOptions.initial_quantities", lambda *_: pytest.fail("a run"))
+    options = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "frequency.1", "--evaluations", "12")
+    assert "--evaluations: got 12, expected 24 or more" in flexcam("optimize", oscillator, *options).err
+
+
 @pytest.mark.slow
 def test_warnings_of_best_variant(flexcam, one_mass):
     """The softest spring has the lowest force, and the follower loses contact at the higher speed."""
@@ -677,7 +683,7 @@ REFUSED = {
     "no case file": ("optimize", "--vary", "masses.valve.mass=80:90g", "--least", "frequency.1", "-o", "best.csv"),
     "no workers": ("optimize", "--vary", "masses.valve.mass=80:90g", "--least", "frequency.1", "--workers", "0"),
     "an interval of lengths": ("optimize", "--vary", "masses.valve.mass=0.1:0.3m", "--least", "deviation.peak"),
-    "half a map": ("limits", "--over", "masses.valve.mass=80,90g"),
+    "half a map": ("limits", "--and", "masses.valve.mass=80,90g"),
     "one value": ("limits", "--over", "masses.valve.mass=80,90g", "--and", "springs.valve.stiffness=40kN/m"),
     "the same": ("limits", "--over", "masses.valve.mass=80,90g", "--and", "masses.valve.mass=80,90g"),
     "a map of no contact": (

@@ -100,6 +100,7 @@ def test_polydyne_cam_of_flexible_train(wide_flexcam):
     assert list(found) == [
         "status",
         "design_speed_rpm",
+        "probe",
         "left_out",
         "lift",
         "acceleration",
@@ -114,6 +115,65 @@ def test_polydyne_cam_of_flexible_train(wide_flexcam):
     assert found["left_out"] < 1.3e-9
     assert found["polydyne"][4] < 1e-12
     assert found["polydyne"][0] > 10 * found["plain"][0], "worse than a plain one far below its speed"
+
+
+OSCILLATING = """
+format = 1
+[nodes]
+cam = [0, 0, 0]
+pivot = [0, 0, 0.19]
+roller = [0, 0.13, 0.19]
+load = [0.3, 0, 0.19]
+[materials]
+steel = { E = "208 GPa", nu = 0.3, density = "7850 kg/m^3" }
+[sections]
+arm = { shape = "circle", diameter = "70 mm" }
+shaft = { shape = "circle", diameter = "50 mm" }
+[members]
+arm = { nodes = ["pivot", "roller"], elements = 1, material = "steel", section = "arm" }
+shaft = { nodes = ["pivot", "load"], elements = 2, material = "steel", section = "shaft" }
+[supports]
+pivot = ["ux", "uy", "uz", "ry", "rz"]
+load = ["uy", "uz", "ry", "rz"]
+[masses]
+load = { at = "load", mass = "20 kg", inertia = ["2 kg m^2", "1 kg m^2", "1 kg m^2"] }
+[springs]
+return = { at = "load", direction = "rx", stiffness = "200 N m/rad" }
+[cams]
+main = { at = "cam", axis = [1, 0, 0], LIFT }
+[contacts.main]
+cam = "main"
+follower = "roller"
+direction = "uz"
+model = "bilateral"
+stiffness = "300 MN/m"
+[run]
+speed = "300 rpm"
+revolutions = 4
+steps_per_revolution = 720
+start = "equilibrium"
+damping = { modal = "2 %" }
+[output]
+probes = ["load", "roller"]
+"""
+CYCLOIDAL = 'law = "4-5-6-7", lift = "40 mm", rise = "100 deg", dwell = "80 deg", return = "100 deg"'
+
+
+def test_polydyne_cam_of_rotating_load(wide_flexcam, tmp_path):
+    """The first probe is an inertia at the end of an output shaft; in a run it follows the motion of the rigid train."""
+    path, deviations = tmp_path / "case.toml", []
+    path.write_text(OSCILLATING.replace("LIFT", CYCLOIDAL), encoding="utf-8")
+    command = ("synthesize", "polydyne", path)
+    assert "Max deviation of load.rx" in wide_flexcam(*command, "-o", tmp_path / "lift.toml").out
+    assert facts(wide_flexcam, *command)["ratio"] == pytest.approx(1.0 / 0.13)
+    nominal_lift = build_model(read_case(path)).cams["main"].event
+    for lift in (CYCLOIDAL, 'lift_table = "lift.toml"'):
+        path.write_text(OSCILLATING.replace("LIFT", lift), encoding="utf-8")
+        response = run(read_case(path))
+        error = response["load.rx"].displacement.ravel() - nominal_lift(response.angle) / 0.13
+        deviations.append(np.abs(error[response.angle > 6.0 * math.pi]).max())
+    assert deviations[1] < 1e-2 * deviations[0]
+    assert "expected a point and component that the cam moves" in wide_flexcam(*command, "--probe", "load.uy").err
 
 
 def test_polydyne_cam_of_single_mass(wide_flexcam, tmp_path):

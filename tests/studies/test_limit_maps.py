@@ -10,7 +10,7 @@ from flexcam.studies.quantities import LimitMap, grid_plan
 
 def test_limit_map_uses_given_units():
     plan = grid_plan(
-        parse_axis("springs.valve.stiffness", "40,50kN/m"), parse_axis("contacts.intake.preload_factor", "2,3")
+        [parse_axis("springs.valve.stiffness", "40,50kN/m"), parse_axis("contacts.intake.preload_factor", "2,3")]
     )
     one, other = plan.varied_axes
     found = LimitMap((one, other), {"loss_of_contact": np.full(plan.shape, 6000.0)}, (Status(),) * len(plan))
@@ -20,3 +20,16 @@ def test_limit_map_uses_given_units():
     assert "[camshaft rpm]" in output.csv
     assert "columns: contacts.intake.preload_factor" in str(output.parts[0].title)
     assert output.json["over"]["unit"] == "kN/m"
+
+
+def test_limit_over_one_parameter_is_curve():
+    plan = grid_plan([parse_axis("springs.valve.stiffness", "40,50kN/m")])
+    found = LimitMap(plan.varied_axes, {"float": np.array([6000.0, 6500.0])}, (Status(),) * 2)
+    output = limit_map_output(found, "crankshaft")
+    assert output.csv.splitlines() == [
+        '"springs.valve.stiffness, kN/m",float [crankshaft rpm],status', "40.0,6000.0,done", "50.0,6500.0,done"
+    ]  # fmt: skip
+    assert output.json["limits_rpm"]["float"].tolist() == [6000.0, 6500.0]
+    assert "and" not in output.json
+    (line,) = output.draw().axes[0].lines
+    assert line.get_xydata().tolist() == [[40.0, 6000.0], [50.0, 6500.0]]
