@@ -253,7 +253,7 @@ def check_response(case: Case, response: Response) -> list[str]:
     Returns
     -------
     list of str
-        Sentences about doubtful values, events, the resolution by steps and elements, and limits of the model.
+        Sentences about unusual values, events, the resolution by steps and elements, and limits of the model.
 
     Raises
     ------
@@ -262,7 +262,7 @@ def check_response(case: Case, response: Response) -> list[str]:
 
     Examples
     --------
-    ``flexcam.check_response(case, flexcam.run(case))`` is empty if nothing is doubtful.
+    ``flexcam.check_response(case, flexcam.run(case))`` is empty without warnings.
     """
     ready = prepare_without_periodic_search(case)
     monitor = RunMonitor.from_response(ready, response)
