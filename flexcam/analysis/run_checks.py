@@ -267,7 +267,7 @@ def check_response(case: Case, response: Response, *, rigid: bool = False) -> li
     ``flexcam.check_response(case, flexcam.run(case))`` is empty without warnings.
     """
     ready = prepare(case, rigid=True) if rigid else prepare_without_periodic_search(case)
-    if response.outline.unknowns != ready.problem.system.names:
+    if response.outline != outline(ready.problem.system):
         raise refuse("response", "a response of another model", "that of a run of the case", "", "check rigid")
     monitor, stats = RunMonitor.from_response(ready, response), response.stats
     sentences = check_run(ready, monitor, compute_metrics(ready, response), stats)

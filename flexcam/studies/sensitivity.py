@@ -21,7 +21,7 @@ from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
 from flexcam.case.variants import Number, get_number, number_after_override
 from flexcam.core import FloatArray, IntArray, Triplets
-from flexcam.core.errors import InputError, parse_all, refuse
+from flexcam.core.errors import parse_all, refuse
 from flexcam.core.units import DIMENSIONS, parse
 from flexcam.dynamics import modes
 from flexcam.studies.gradients import COUNTED, compute_gradient, exact_refusal, make_neighbours
@@ -185,16 +185,13 @@ def sensitivities(
     case = file.read(fixed)
     numbers = get_numbers(case, keys)
     frequencies = {name: number for name in names if (number := frequency_number(name))}
-    exact, rows = exact_names(case, names, method), list[Sensitivity]()
+    exact = exact_names(case, names, method)
+    responses = [name for name in names if name not in frequencies and name not in exact]
+    rows = list[Sensitivity]()
     if frequencies:
         rows += _frequency_sensitivities(file, fixed, case, frequencies, numbers)
-    try:
-        rows += _exact_sensitivities(case, exact, numbers) if exact else ()
-    except InputError:  # a number changes the structure of the equations
-        if method == "exact":
-            raise
-        exact = []
-    responses = [name for name in names if name not in frequencies and name not in exact]
+    if exact:
+        rows += _exact_sensitivities(case, exact, numbers)
     if responses:
         rows += _response_sensitivities(case, responses, numbers, runs, relative_step)
     results = {(row.scalar, row.by.key): row for row in rows}
