@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexcam.analysis.preparation import prepare_without_periodic_search, scalar_probe
+from flexcam.analysis.preparation import contact_probe, prepare_without_periodic_search, scalar_probe
 from flexcam.cams import (
     PRESSURE_ANGLE,
     THRESHOLDS,
@@ -330,12 +330,17 @@ def polydyne_cam(
     ready = prepare_without_periodic_search(case)
     model, system = ready.model, ready.problem.system
     name, omega_0 = _select_cam(model.cams, cam), case.speed if speed is None else speed
-    contact = _contact_name(model, name)
-    point = scalar_probe(ready, probe, contact)
-    row = np.concatenate([part.rows for part in system.probes])[outline(system).columns(point)][0]
-    train = follower_train(build_structure(model), model.cam_contacts[contact], f"contacts.{contact}.follower")
+    contact, structure = _contact_name(model, name), build_structure(model)
+    part = model.cam_contacts[contact]
+    point = contact_probe(ready, contact) if probe is None else scalar_probe(ready, probe)
+    if point is None:  # no probe is on the train of this cam
+        point, row = part.follower, structure.row(part.follower, part.direction)
+    else:
+        row = np.concatenate([probe.rows for probe in system.probes])[outline(system).columns(point)][0]
+    train = follower_train(structure, part, f"contacts.{contact}.follower")
     if not train.moves(row):
-        raise refuse("--probe", point, "a point and component that the cam moves", f"cams.{name} does not move it")
+        why, remedy = f"cams.{name} does not move it", "name another probe, or leave --probe out"
+        raise refuse("--probe", point, "a point and component that the cam moves", why, remedy)
     ratio, transfer = float(train.motion @ row), lift_transfer(model, contact, row, omega_0)
     event, phase = model.cams[name].event, case.record.cams[name].start_angle
     found = _evaluate_design(event, phase, lambda omega: transfer(omega) / ratio, omega_0, abs(ratio), count)

@@ -255,7 +255,7 @@ def _bands(
     Return the bands in which it is met and the last examined speed, rpm, and the reason if a run failed.
     """
     bands: list[tuple[float, float | None]] = [(first / RPM, None)]
-    previous, number = first / RPM, round(math.log(first) / math.log1p(search.spacing))
+    previous, number = first / RPM, math.floor(math.log(first) / math.log1p(search.spacing) + _ROUNDING)
     speeds = [(1.0 + search.spacing) ** k for k in range(number + 1, number + 1 + _SPEEDS_ABOVE)]
     for k, speed in enumerate(speeds):
         answers = yield speeds[k:]

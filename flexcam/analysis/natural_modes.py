@@ -2,7 +2,7 @@
 
 The model has no gyroscopic effects, so that the speed changes the modes only through preloads: a Hertz contact is
 softer with less force at the cam nose, an open contact has no stiffness, and a compressed pushrod loses stiffness.
-The modes over speed are computed at full lift of a run at every speed, with the spring coils that touch at rest.
+The modes over speed are those about the equilibrium at full lift with the inertia forces of the rigid train.
 """
 
 from __future__ import annotations

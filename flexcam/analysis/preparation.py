@@ -75,23 +75,30 @@ class PreparedRun:
         return self.case.with_run({"integrator": CollocationRecord(method="collocation")})
 
 
-def scalar_probe(ready: PreparedRun, name: str | None = None, contact: str | None = None) -> str:
-    """Return a scalar probe by name; by default that of a rocker, else the first that a cam moves, else the first.
-
-    With a contact, only its cam counts.
-    """
+def scalar_probe(ready: PreparedRun, name: str | None = None) -> str:
+    """Return a scalar probe by name; by default that of a rocker, else the first that a cam moves, else the first."""
     if name is not None:
         check_scalar_probe(name, outline(ready.problem.system))
         return name
-    points = [rocker.point for rocker in ready.model.rockers.values()]
-    probes = [probe for probe in ready.problem.system.probes if probe.name in ready.model.probes]
-    if not probes:
+    ordered = _ordered_probes(ready)
+    if not ordered:
         remedy = "name a point of the case with --probe, or add probes, such as ['valve']"
         raise refuse("output.probes", "none", "at least one point", "", remedy)
-    ordered = sorted(probes, key=lambda probe: probe.name not in points)
-    moved = (driven for driven in map(_driven_probes(ready).get, [probe.name for probe in ordered]) if driven)
-    default = next((driven for driven in moved if contact in (None, driven.contact)), None)
-    return _follower_component(ready, ordered[0]) if default is None else default.component
+    return contact_probe(ready) or _follower_component(ready, ordered[0])
+
+
+def contact_probe(ready: PreparedRun, contact: str | None = None) -> str | None:
+    """Return the scalar probe of a rocker, else the first, that the cam of a contact moves, or any cam."""
+    driven = _driven_probes(ready)
+    moved = [driven[probe.name] for probe in _ordered_probes(ready) if probe.name in driven]
+    return next((probe.component for probe in moved if contact in (None, probe.contact)), None)
+
+
+def _ordered_probes(ready: PreparedRun) -> list[Probe]:
+    """Return the probes of a case, those of rockers first."""
+    points = [rocker.point for rocker in ready.model.rockers.values()]
+    probes = [probe for probe in ready.problem.system.probes if probe.name in ready.model.probes]
+    return sorted(probes, key=lambda probe: probe.name not in points)
 
 
 @dataclass(frozen=True)

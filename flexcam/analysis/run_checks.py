@@ -14,13 +14,13 @@ from typing import Literal, Self
 
 import numpy as np
 
-from flexcam.analysis.preparation import PreparedRun, prepare_without_periodic_search
-from flexcam.analysis.run_metrics import RevolutionChange, compute_metrics, has_whole_revolution
+from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search
+from flexcam.analysis.run_metrics import RevolutionChange, compute_metrics, has_whole_revolution, revolution_change
 from flexcam.cams import FlatFollower, Follower, RollerFollower, profile_at, undercut
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_model, check_values
 from flexcam.core import rounding_fraction
-from flexcam.core.errors import InputError
+from flexcam.core.errors import InputError, refuse
 from flexcam.core.units import format_quantity, to_display_unit
 from flexcam.dynamics import Collocation, Response, Sink, Stats, collocation_refinement, default_method, outline
 from flexcam.dynamics.force_laws import THINNEST
@@ -240,7 +240,7 @@ class RunMonitor:
         return self.extremes, self.resolution
 
 
-def check_response(case: Case, response: Response) -> list[str]:
+def check_response(case: Case, response: Response, *, rigid: bool = False) -> list[str]:
     """Return the warnings about a run of a case, as ``flexcam run`` prints them.
 
     Parameters
@@ -249,6 +249,8 @@ def check_response(case: Case, response: Response) -> list[str]:
         Case of the run.
     response
         Its response, with all instants and fields.
+    rigid
+        Whether its members are rigid, as in `flexcam.run`.
 
     Returns
     -------
@@ -258,15 +260,20 @@ def check_response(case: Case, response: Response) -> list[str]:
     Raises
     ------
     InputError
-        If the case cannot be prepared.
+        If the case cannot be prepared, or the response is that of another model.
 
     Examples
     --------
     ``flexcam.check_response(case, flexcam.run(case))`` is empty without warnings.
     """
-    ready = prepare_without_periodic_search(case)
-    monitor = RunMonitor.from_response(ready, response)
-    return check_run(ready, monitor, compute_metrics(ready, response), response.stats)
+    ready = prepare(case, rigid=True) if rigid else prepare_without_periodic_search(case)
+    if response.outline != outline(ready.problem.system):
+        raise refuse("response", "a response of another model", "that of a run of the case", "", "check rigid")
+    monitor, stats = RunMonitor.from_response(ready, response), response.stats
+    sentences = check_run(ready, monitor, compute_metrics(ready, response), stats)
+    if stats.steps == ready.problem.steps:
+        sentences += check_transient(ready, revolution_change(ready, response))
+    return sentences
 
 
 def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], stats: Stats) -> list[str]:
@@ -496,9 +503,8 @@ def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[s
         elif moved > _MAX_DEFLECTION:
             angle = format_quantity("rad", float(np.linalg.norm(rotation)), digits=3)
             why = "the equations keep its initial position"
-            valid = "its rotation and the moments of its inertia and its cam about its pivot remain valid"
-            others = "but not the displacements of its points and the other forces on it"
-            yield f"Warning: member {name} turns by {angle}, and {why}: {valid}, {others}"
+            valid = "its rotation remains valid, but not the displacements of its points and the forces across it"
+            yield f"Warning: member {name} turns by {angle}, and {why}: {valid}"
 
 
 def _check_resolution(ready: PreparedRun, resolution: Resolution, enough: int) -> Iterator[str]:

@@ -197,7 +197,7 @@ MIN_FORCE_RATIO = 0.05
 _MIN_CHANGE = 0.01, CHATTER, GROWTH  # differences of two revolutions, of motion, force and stress: chatter counts
 _LISTED_SPEED_RATIO = 2.0  # multiple of the case's speed up to which resonances are listed individually
 _PERIODICITY_TOLERANCE = 1e-3  # allowed difference between start and end of a periodic motion, relative to the motion
-_REVOLUTIONS_TO_REPEAT = 10.0  # revolutions after which a motion that repeats does so
+_LEAVING = 10.0  # minimum revolutions of a run that does not begin with an unstable periodic motion
 _GROWTH_THRESHOLD = 1.0 + 1e-6
 _MIN_STEPS = 360  # minimum steps per revolution for the Floquet analysis: coarse steps miss parametric instability
 # maximum steps per revolution: every step requires a linearization, and a hundredth of a degree is sufficient
@@ -295,7 +295,7 @@ def assess_stability(case: Case) -> Stability:
     change = revolution_change(ready, response, member_strength(ready, response))
     if opened <= OPEN or not spring_held_contacts(ready.model):
         multipliers, why_not = _floquet_multipliers(case)
-        if multipliers and not multipliers.stable() and case.record.run.start == "periodic":
+        if multipliers and multipliers.events and not multipliers.stable() and case.record.run.start == "periodic":
             change = _change_from_equilibrium(case)
     crossings, why_no_modes = (), ""
     try:
@@ -318,11 +318,14 @@ def assess_stability(case: Case) -> Stability:
 def _change_from_equilibrium(case: Case) -> RevolutionChange | None:
     """Return the difference of the last two revolutions of a run that does not begin with an unstable periodic motion.
 
-    A run that begins with it stays on it until rounding errors have grown.
+    A run that begins with it stays on it until rounding errors have grown. None if the run fails.
     """
-    revolutions = max(case.record.run.revolutions, _REVOLUTIONS_TO_REPEAT)
-    ready = prepare(case.with_run({"start": "equilibrium", "revolutions": revolutions}).with_stable_method())
-    response = solve(ready.problem, ready.scheme, save=ready.save)
+    revolutions = max(case.record.run.revolutions, _LEAVING)
+    try:
+        ready = prepare(case.with_run({"start": "equilibrium", "revolutions": revolutions}).with_stable_method())
+        response = solve(ready.problem, ready.scheme, save=ready.save)
+    except RunFailedError:
+        return None
     reraise_interrupt(response.status)
     return revolution_change(ready, response, member_strength(ready, response))
 

@@ -274,7 +274,7 @@ def _remarks(
     """Return warnings: the unit, radii, outliers, large changes by smoothing, and ripple below the base circle."""
     if (top := float(s.max())) > MAX_LIFT:
         return [f"a maximum lift of {top:.4g} m is unusual: did you mean {top:.4g} mm? Check the unit of the lift"]
-    if (lowest := float(s.min())) > base_level(theta, s):
+    if (lowest := float(s.min())) > top - lowest:  # a base circle is larger than the lift
         what = f"the lift is {1e3 * lowest:.4g} mm or more at every angle, and so never on the base circle"
         return [f"{what}: does the table give radii? Subtract the reading on the base circle"]
     if (rows := _find_outliers(theta, s, noise)).size:

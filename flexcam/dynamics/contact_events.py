@@ -124,16 +124,19 @@ class EventStepper:
 
     def _walk(self, now: StepState, to: StepInputs) -> list[StepState]:
         instants: list[StepState] = []
+        locates_ramps = self._has_ramps
         for _ in range(MOST_EVENTS):
             trial = self._advance(now, to)
             if not len(self._forces.switching):
                 return [*instants, trial]
-            ramp_ends = self._ramp_ends(now, trial)
+            ramp_ends = self._ramp_ends(now, trial) if locates_ramps else np.zeros(len(self._forces.ramps), dtype=bool)
             if not ramp_ends.any() and not (self._sides(now) != self._sides(trial)).any():
                 if self._bounces and (names := self._rebounds(now, trial)):
                     raise NoConvergenceError(names)  # the step is halved: its ends do not show the impact
                 return [*instants, trial]
-            instants += self._first_event(now, trial, to, ramp_ends)
+            found = self._first_event(now, trial, to, ramp_ends)
+            locates_ramps = self._has_ramps and (found[-1].time > now.time or not ramp_ends.any())  # else it is passed
+            instants += found
             now = instants[-1]
             if now.time == to.time:
                 return instants
@@ -166,8 +169,6 @@ class EventStepper:
 
         The force of a step across this kink would depend on where the step begins.
         """
-        if not self._has_ramps:
-            return np.zeros(len(self._forces.ramps), dtype=bool)
         ends = zip(*(self._penetrations(end)[0].tolist() for end in (now, trial)), self._forces.ramps, strict=True)
         return np.array([passes_ramp(*end) for end in ends], dtype=bool) & self._sides(now)
 

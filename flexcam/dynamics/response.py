@@ -66,8 +66,9 @@ def peak(time: FloatArray, values: FloatArray, slopes: FloatArray | None = None)
 
 def value_range(time: FloatArray, values: FloatArray, slopes: FloatArray | None = None) -> float:
     """Return the range of a history, shape (m,): its maximum minus its minimum."""
-    points = values if slopes is None else _add_turning_points(time, values, slopes)[1]
-    return float(np.ptp(points)) if len(points) else 0.0
+    if not len(values):
+        return 0.0
+    return float(np.ptp(values if slopes is None else _add_turning_points(time, values, slopes)[1]))
 
 
 def _add_turning_points(time: FloatArray, values: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:

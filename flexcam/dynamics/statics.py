@@ -91,7 +91,7 @@ def solve_equilibrium(
             step = _solve(partial(factorize_with_update, tangent, free, spring), residual)
             tips = spring < _STIFFEST or residual @ step >= 0.0  # otherwise another motion is unstable
         fraction, energy = potential.line_search(u, step, residual, energy, diagonal_scale(tangent))
-        u, previous, change = u + fraction * step, largest, fraction * float(np.abs(step).max(initial=0.0))
+        u, previous, change = u + fraction * step, largest, float(np.abs(step).max(initial=0.0))
     residual, _, tangent = potential.at(u)
     _refuse_unstable(potential, u, tangent)
     raise _no_equilibrium_status(system, residual, free)

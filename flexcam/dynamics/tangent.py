@@ -182,7 +182,7 @@ def _check_structure(problem: Problem, parameters: ParameterForces) -> None:
     def size(varied: Problem) -> tuple[int, ...]:
         return (varied.system.size, varied.steps, *(len(force.sense) for force in varied.system.local_forces))
 
-    why, remedy = "the equations must keep their structure", "use differences of runs"
+    why, remedy = "the equations must keep their structure", "use differences of runs (--method differences)"
     if any(size(side.problem) != size(problem) for side in parameters.sides):
         raise refuse("parameter", "a number that changes the unknowns, contacts or steps", "another one", why, remedy)
     ramps = parameters.original.forces.ramps

@@ -153,7 +153,6 @@ def _balance(virtual: FloatArray, vectors: FloatArray, residual: FloatArray) -> 
 
 
 @lru_cache(maxsize=4)
-@lru_cache(maxsize=2)
 def rigid_motion(model: Model) -> RigidTrains:
     """Return the motion of all unknowns of a model with rigid trains; contact forces need `build_rigid`."""
     structure = build_structure(model)

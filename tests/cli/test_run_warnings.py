@@ -44,13 +44,22 @@ def test_event_warnings_name_value_and_location():
 
 
 def test_python_returns_the_warnings_of_the_command(flexcam, tmp_path):
-    path = Path(__file__).parents[2] / "cases/direct-acting/bucket.toml"
+    """Coarse steps, and a hydraulic adjuster after one revolution."""
+    path = Path(__file__).parents[2] / "cases/direct-acting/finger.toml"
     coarse = ["run.steps_per_revolution=90", "run.revolutions=1"]
     options = [word for one in coarse for word in ("--set", one)]
     printed = flexcam("run", path, *options, "-o", tmp_path, "--json").json["warnings"]
     read = read_case(path, coarse)
     assert check_response(read, run(read)) == printed
-    assert printed
+    assert sum("the oil of contacts.adjuster may still be in a transient" in warning for warning in printed) == 1
+
+
+def test_warnings_of_a_rigid_run_need_the_rigid_model():
+    case = read_case(Path(__file__).parents[2] / "cases/li/valve-train.toml", ["run.revolutions=1"])
+    response = run(case, rigid=True)
+    assert check_response(case, response, rigid=True) == []
+    with pytest.raises(InputError, match="a response of another model"):
+        check_response(case, response)
 
 
 def test_harmless_values_cause_no_warning():

@@ -50,7 +50,7 @@ def test_peak_and_range_include_every_turning_point(seed):
 def test_peak_of_empty_history_is_zero():
     nothing = np.zeros(0)
     assert peak(nothing, nothing, nothing) == (0.0, 0.0)
-    assert value_range(nothing, nothing) == 0.0
+    assert value_range(nothing, nothing) == value_range(nothing, nothing, nothing) == 0.0
     assert peak(np.ones(1), np.array([-2.0]), np.ones(1)) == (2.0, 1.0)
 
 

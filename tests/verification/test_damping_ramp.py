@@ -11,8 +11,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
-from flexcam import read_case
+from flexcam import InputError, prepare, read_case, solve
 from flexcam.analysis.stability import assess_stability
+from flexcam.dynamics.contact_events import EventStepper
 from flexcam.studies.gradients import compute_gradient
 from flexcam.studies.sensitivity import get_numbers
 
@@ -107,3 +108,21 @@ def test_derivatives_of_impacts_shorter_than_a_step(tmp_path):
     assert found[name, keys[0]] == pytest.approx(exact, rel=0.01)
     exact = (largest(preload=2.0002) - largest(preload=1.9998)) / 0.0004
     assert found[name, keys[1]] == pytest.approx(exact, rel=0.01)
+
+
+def test_derivative_by_the_length_of_the_ramp_is_refused(tmp_path):
+    case = write_case(tmp_path, 0.4, "rest")
+    with pytest.raises(InputError, match=r"damping_depth.*--method differences"):
+        compute_gradient(case, ["contacts.seat.force.largest"], get_numbers(case, ["contacts.seat.damping_depth"]))
+
+
+def test_ramp_of_nanometres_does_not_stall_steps(tmp_path, monkeypatch):
+    """The end of such a ramp is found only to rounding of the time: it must not be found again and again."""
+    walk, counts = EventStepper._walk, []
+    monkeypatch.setattr(EventStepper, "_walk", lambda *given: counts.append(len(found := walk(*given))) or found)
+    write_case(tmp_path, 0.4, "rest")
+    seat = ["contacts.seat.stiffness=1e7", "contacts.seat.damping=500", "contacts.seat.damping_depth=1e-9"]
+    method = ["run.integrator.method=newmark", "run.steps_per_revolution=720", "run.revolutions=10"]
+    ready = prepare(read_case(tmp_path / "case.toml", [*seat, *method]))
+    assert solve(ready.problem, ready.scheme).status.ok
+    assert 2 < max(counts) < 10
