@@ -176,6 +176,16 @@ def test_polydyne_cam_of_rotating_load(wide_flexcam, tmp_path):
     assert "expected a point and component that the cam moves" in wide_flexcam(*command, "--probe", "load.uy").err
 
 
+def test_polydyne_cam_without_probe_is_for_its_follower(wide_flexcam):
+    """Only one of the four cylinders has a probe."""
+    camshaft = ROOT / "cases/camshaft-4cyl/camshaft.toml"
+    found = facts(wide_flexcam, "polydyne", camshaft, "--cam", "exhaust-2", "--speed", "2000rpm")
+    assert found["probe"] == "tappet-exhaust-2"
+    refused = wide_flexcam("synthesize", "polydyne", camshaft, "--cam", "exhaust-2", "--probe", "sprocket.uy")
+    assert refused.code == 2
+    assert "cams.exhaust-2 does not move it" in refused.err
+
+
 def test_polydyne_cam_of_single_mass(wide_flexcam, tmp_path):
     """The lift is y + (w/w0)^2 y'': the cosine of 3 mm (1 - cos) is multiplied by 1 - (w/w0)^2."""
     done = wide_flexcam(*POLYDYNE, "--frequency", "397 Hz", "--speed", "3000 rpm", "--count", "7", "-o", "mass.toml")
