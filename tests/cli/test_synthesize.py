@@ -180,7 +180,7 @@ def test_polydyne_cam_without_probe_is_for_its_follower(wide_flexcam):
     """Only one of the four cylinders has a probe."""
     camshaft = ROOT / "cases/camshaft-4cyl/camshaft.toml"
     found = facts(wide_flexcam, "polydyne", camshaft, "--cam", "exhaust-2", "--speed", "2000rpm")
-    assert found["probe"] == "tappet-exhaust-2"
+    assert found["probe"] == "exhaust-2-follower"
     refused = wide_flexcam("synthesize", "polydyne", camshaft, "--cam", "exhaust-2", "--probe", "sprocket.uy")
     assert refused.code == 2
     assert "cams.exhaust-2 does not move it" in refused.err
