@@ -179,7 +179,7 @@ def test_polydyne_cam_of_rotating_load(wide_flexcam, tmp_path):
 def test_polydyne_cam_without_probe_is_for_its_follower(wide_flexcam):
     """Only one of the four cylinders has a probe."""
     camshaft = ROOT / "cases/camshaft-4cyl/camshaft.toml"
-    found = facts(wide_flexcam, "polydyne", camshaft, "--cam", "exhaust-2", "--speed", "2000rpm")
+    found = facts(wide_flexcam, "synthesize", "polydyne", camshaft, "--cam", "exhaust-2", "--speed", "2000rpm")
     assert found["probe"] == "exhaust-2-follower"
     refused = wide_flexcam("synthesize", "polydyne", camshaft, "--cam", "exhaust-2", "--probe", "sprocket.uy")
     assert refused.code == 2
