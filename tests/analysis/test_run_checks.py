@@ -277,7 +277,7 @@ def test_rigid_rotation_is_no_deformation():
     arm = Path(__file__).with_name("arm.toml")
     clamped = 'supports.pivot=["ux", "uy", "uz", "rx", "ry", "rz"]', "materials.steel.E=40 MPa"
     (stiff,) = (one for one in run_warnings(arm) if "member" in one)
-    assert re.search(r"member arm turns by 1[78]\.\d deg, .*: its rotation and .* remain valid", stiff)
+    assert re.search(r"member arm turns by 1[78]\.\d deg, .*: its rotation remains valid", stiff)
     assert any("member arm leaves the range" in one for one in run_warnings(arm, *clamped))
 
 
