@@ -151,17 +151,14 @@ class Disturbances:
         sensed = SensedTrajectory(replace(track, cam=inputs.cam), inputs, penetration, rate)
         lengths = np.diff(time)
         lengths[np.abs(lengths - step) <= _SAME_TIME * step] = step
-        ramp_ends, rising = self._near(penetration, rate, forces.ramps), self._depth_rate(penetration, rate) > 0.0
+        ramp_ends = self._near(penetration, rate, forces.ramps)
         changed = (sides[1:] != sides[:-1]).any(axis=1) | ramp_ends[1:].any(axis=1)
         instants = np.repeat(np.arange(len(time)), 1 + np.append(False, changed))
         begin = np.arange(len(time)) + np.cumsum(np.append(False, changed))
         row_sides = sides[instants]
         row_sides[begin[1:][changed] - 1] = sides[:-1][changed]
         depth, speed, functions = penetration[instants], rate[instants], inputs.functions
-        beyond = rising[instants]
-        beyond[begin[1:][changed] - 1] = ~rising[1:][changed]
-        depth = self._set_sides(row_sides, depth, speed, 0.0)
-        depth = self._set_sides(beyond, depth, speed, forces.ramps)
+        depth = self._set_sides(row_sides, depth, speed)
         states = track.state[instants]
         tangents = forces.tangents(depth, speed, states, functions[instants])[2]
         state_rows = forces.follow_states(lengths, penetration[1:], penetration[:-1], track.state[:-1])
@@ -200,16 +197,14 @@ class Disturbances:
     def _depth_rate(self, penetration: FloatArray, rate: FloatArray) -> FloatArray:
         return self._forces.lifts.depth_rate(penetration, rate)[..., self._forces.switching]
 
-    def _set_sides(
-        self, side: Bools, penetration: FloatArray, rate: FloatArray, level: float | FloatArray
-    ) -> FloatArray:  # fmt: skip
-        """Return the sensed scalars, shape (..., c), with contacts that pass a level set to their side of it."""
+    def _set_sides(self, side: Bools, penetration: FloatArray, rate: FloatArray) -> FloatArray:
+        """Return the sensed scalars, shape (..., c), with contacts that are about to switch set to their side."""
         index = self._forces.switching
         if not len(index):
             return penetration
-        near, above = self._near(penetration, rate, level), self._forces.lifts.depth(penetration)[..., index] - level
+        near, depth = self._near(penetration, rate, 0.0), self._forces.lifts.depth(penetration)[..., index]
         penetration, scalars = penetration.copy(), penetration[..., index]
-        penetration[..., index] = np.where(near, scalars - above + np.where(side, _TOUCH, -_TOUCH), scalars)
+        penetration[..., index] = np.where(near, scalars - depth + np.where(side, _TOUCH, -_TOUCH), scalars)
         return penetration
 
     def _steps(self, motion: _LinearizedMotion, first: int, last: int) -> tuple[StepSequence, FloatArray]:

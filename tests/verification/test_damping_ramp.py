@@ -96,8 +96,11 @@ def test_multiplier_of_impacts_shorter_than_a_step(tmp_path, damping):
     assert stability.causes == ("chatter",)  # the motion leaves the orbit and repeats after two revolutions
 
 
-def test_derivatives_of_impacts_shorter_than_a_step(tmp_path):
-    case = write_case(tmp_path, 0.4, "rest")
+@pytest.mark.parametrize("steps", [3600, 72_000])
+def test_derivatives_of_impacts_shorter_than_a_step(tmp_path, steps):
+    """Some of the shorter steps begin within the ramp."""
+    write_case(tmp_path, 0.4, "rest")
+    case = read_case(tmp_path / "case.toml", [f"run.steps_per_revolution={steps}"])
     name, keys = "contacts.seat.force.largest", ["springs.s.stiffness", "springs.s.installed_force"]
     found = compute_gradient(case, [name], get_numbers(case, keys)).derivatives
 
