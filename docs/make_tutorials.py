@@ -235,9 +235,9 @@ def measured_lift(folder: Path) -> dict[str, Figure]:
 
 BSPLINE = '{{ id = "bspline", degree = 11, coefficients = [0, 0, 0, 0, {}, 1, 1, 1, 1] }}'
 REDESIGN = (
-    "cams.intake.law=" + BSPLINE.format("0.102, 0.6, 0.522, 0.716"),
-    "cams.intake.return_law=" + BSPLINE.format("0.4, 0.6, 0.637, 0.918"),
-    "springs.valve.stiffness=55.3kN/m", "springs.valve.installed_force=336N",
+    "cams.intake.law=" + BSPLINE.format("0.286, 0.522, 0.587, 0.771"),
+    "cams.intake.return_law=" + BSPLINE.format("0.286, 0.519, 0.669, 0.84"),
+    "springs.valve.stiffness=45.7kN/m", "springs.valve.installed_force=445N",
 )  # fmt: skip
 _FLAT = 'base_radius = "24.1 mm", width = "12 mm", follower = { type = "flat" }'
 POLYDYNE = (f'cams.intake={{ at = "cam", lift_table = "polydyne.toml", phase = "105 deg", {_FLAT} }}',)
