@@ -53,12 +53,13 @@ Bools = NDArray[np.bool_]
 class _LinearizedMotion:
     """Successive instants of a motion with their derivatives.
 
-    Rows are instants with the contacts on their sides within a step: an instant at which sides change has two.
+    Rows are instants with the contacts on their sides within a step: an instant at which sides change, or at which
+    the ramp of the damping of a contact ends, has two.
     """
 
     trajectory: SensedTrajectory
     lengths: FloatArray  #: of the steps, s, shape (m - 1,)
-    plain: Bools  #: steps of some length without a change of sides, shape (m - 1,)
+    plain: Bools  #: steps of some length without a second row at an end, shape (m - 1,)
     begin: list[int]  #: row of every instant as the beginning of a step, shape (m,)
     ramp_ends: Bools  #: switching scalars at the end of the ramp of their damping, shape (m, w)
     tangents: FloatArray  #: derivatives of the forces of the rows, see `LocalForces.tangents`
