@@ -70,6 +70,8 @@ class Comparison:
     names: tuple[str, str] = ("flexible", "rigid")
     peak_acceleration_deg: float = math.nan  #: cam angle of the maximum acceleration of the flexible system, deg
     peak_lift: float = math.nan  #: motion of the rigid system there, relative to `lift`
+    #: half the range of the flexible displacement in the dwell of the rigid system with the largest one; None without
+    residual: float | None = None
 
     @property
     def peak_deviation(self) -> float:
@@ -89,6 +91,7 @@ class Comparison:
 
 
 _SAME_ANGLE = 1e-6  # tolerance for equal cam angles, rad
+_REST = 1e-9  # motion relative to its maximum that is rest
 
 
 def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -> Comparison:
@@ -132,7 +135,21 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
     instant = peak(flexible.time, motion.acceleration[:count])[1]
     angle = float(np.degrees(np.interp(instant, flexible.time, flexible.angle)))
     share = abs(float(np.interp(instant, rigid.time, base.displacement))) / lift
-    return Comparison(probe, speed_rpm, lift, deviations, flexible.status, peak_acceleration_deg=angle, peak_lift=share)
+    return Comparison(
+        probe, speed_rpm, lift, deviations, flexible.status, peak_acceleration_deg=angle, peak_lift=share,
+        residual=_residual_amplitude(motion.displacement[:count], base),
+    )  # fmt: skip
+
+
+def _residual_amplitude(displacement: FloatArray, base: History) -> float | None:
+    """Return half the range of a displacement in the dwell of the rigid motion in which it is largest."""
+    rest = np.ones(len(displacement), dtype=bool)
+    for rate in (base.velocity, base.acceleration):
+        rest &= np.abs(rate[: len(rest)]) <= _REST * np.abs(rate).max()
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], rest, [False]])))
+    dwells = [displacement[begin:end] for begin, end in edges.reshape(-1, 2).tolist() if end - begin > 1]
+    amplitude = max((0.5 * float(np.ptp(dwell)) for dwell in dwells), default=None)
+    return 0.0 if amplitude is not None and amplitude <= _REST * np.ptp(displacement) else amplitude
 
 
 def compare_responses(

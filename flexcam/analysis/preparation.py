@@ -202,7 +202,6 @@ def prepare(
     ``prepare(case).problem.system`` is the `System` of a case, for custom studies.
     """
     kind = "rigid" if rigid else case.record.fidelity.model
-    save = SaveAt(field_every=case.record.output.field_every)
     with _all_faults(case):
         if model is None and near is not None:
             model = build_model(case, (near.case, near.model))
@@ -221,6 +220,7 @@ def prepare(
         scheme = integration_method(case, problem)
         if refusal := method_refusal(problem, scheme):
             raise refusal
+    save = SaveAt(field_every=case.record.output.field_every, unknowns=system.size)
     return PreparedRun(case, model, problem, scheme, save)
 
 

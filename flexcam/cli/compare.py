@@ -117,7 +117,7 @@ def _comparison_json(result: comparison.Comparison) -> dict[str, object]:
     return {
         "status": result.status.cause, "probe": result.probe, "speed_rpm": result.speed_rpm,
         "peak_deviation": result.peak_deviation, "rms_deviation": result.rms_deviation,
-        "peak_acceleration_ratio": result.peak_acceleration_ratio,
+        "peak_acceleration_ratio": result.peak_acceleration_ratio, "residual_vibration": result.residual,
         "deviations": [{**asdict(row), "of_rigid": row.relative_peak} for row in result.deviations],
     }  # fmt: skip
 

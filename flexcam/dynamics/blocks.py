@@ -67,9 +67,12 @@ def _cubic(x: FloatArray, old: FloatArray, new: FloatArray, slope: FloatArray, n
     return y * y * ((1.0 + 2.0 * x) * old + x * slope) + x * x * ((3.0 - 2.0 * x) * new - y * new_slope)
 
 
-_MIN_BLOCK_STEPS, _MAX_BLOCK_STEPS = 640, 8192
-"""Minimum steps per block, below which its overhead exceeds its content, and maximum, so that the memory of a run does
-not depend on the interval of saved fields."""
+_BLOCK_STEPS, _LARGE_BLOCK_STEPS, _MAX_BLOCK_STEPS = 2560, 640, 8192
+"""Minimum steps per block: of a small system, whose blocks take a third longer if they have 640 steps, and of a large
+one, whose fields need memory. Maximum, so that the memory of a run does not depend on the interval of saved fields."""
+
+_BLOCK_VALUES = 1_600_000
+"""Number of unknowns times steps per block above which a system is large."""
 
 _FIELDS = 32
 """Number of saved fields written together if they are close in time."""
@@ -112,24 +115,28 @@ class SaveAt:
         Whether channels and energies are computed; without them a run with internal states cannot be resumed.
     energies
         Whether energies and internal states are among the channels.
+    unknowns
+        Number of unknowns: a block of a large system has fewer steps.
 
     Examples
     --------
-    >>> SaveAt(field_every=100).block
-    3200
+    >>> SaveAt(field_every=100).block, SaveAt(field_every=20, unknowns=100_000).block
+    (3200, 640)
     """
 
     field_every: int = 20
     fields_per_block: int | None = None
     channels: bool = True
     energies: bool = True
+    unknowns: int = 0
 
     @property
     def block(self) -> int:
         """Steps per block."""
         if self.fields_per_block:
             return self.field_every * self.fields_per_block
-        fields = max(_FIELDS, -(-_MIN_BLOCK_STEPS // self.field_every))
+        steps = min(max(_BLOCK_VALUES // max(self.unknowns, 1), _LARGE_BLOCK_STEPS), _BLOCK_STEPS)
+        fields = max(_FIELDS, -(-steps // self.field_every))
         return self.field_every * min(fields, _MAX_BLOCK_STEPS // self.field_every) or _MAX_BLOCK_STEPS
 
     def fields(self, steps: IntArray, last: int) -> NDArray[np.bool_]:

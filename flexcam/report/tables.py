@@ -255,6 +255,10 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     angle, lift = comparison.peak_acceleration_deg % 360.0, 100.0 * remove_noise(comparison.peak_lift, 1.0)
     acceleration = f"Its peak acceleration, at cam {angle:.1f} deg, is {ratio} times that {of_other}."
     words = [f"{deviation} {acceleration} At this angle the displacement {of_other} is {lift:.3g} % of its range."]
+    if comparison.residual is not None:
+        factor, unit = to_display_unit(comparison.deviations[0].unit)
+        amplitude = f"{factor * comparison.residual:.3g} {unit}"
+        words.append(f"Residual vibration: in a dwell {of_other} its amplitude is up to {amplitude}.")
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
         speed, share = f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm", comparison.speed_rpm / (60.0 * mode_hz)

@@ -74,9 +74,9 @@ def test_resume_after_sigkill_and_sigterm(flexcam, case, tried, tmp_path):
 
 @pytest.fixture
 def write_partial_result(case, tmp_path):
-    """Return a function that writes the partial result of a run which ended after some blocks of 640 instants."""
+    """Return a function that writes the partial result of a run which ended after some blocks of 2560 instants."""
 
-    def write(cause=Cause.INTERRUPTED, *, blocks=1, overrides=("run.revolutions=3",)):
+    def write(cause=Cause.INTERRUPTED, *, blocks=1, overrides=("run.revolutions=12",)):
         ready = prepare(read_case(case, overrides))
         file = open_result_file(ready, tmp_path / "out")
         close = file.close
@@ -87,7 +87,7 @@ def write_partial_result(case, tmp_path):
     return write
 
 
-RESUME = ("--set", "run.revolutions=3", "--resume")
+RESUME = ("--set", "run.revolutions=12", "--resume")
 REQUIRED_DATASETS = ("checkpoint", "history/time", "history/probes/cam/velocity", "VTKHDF/PointData/displacement")
 """Datasets that a continued run requires."""
 
@@ -95,7 +95,7 @@ REQUIRED_DATASETS = ("checkpoint", "history/time", "history/probes/cam/velocity"
 @pytest.fixture(scope="module")
 def complete_result(tmp_path_factory):
     """Return the result of the same run without an interruption."""
-    ready = prepare(read_case(DATA / "inline.toml", ["run.revolutions=3"]))
+    ready = prepare(read_case(DATA / "inline.toml", ["run.revolutions=12"]))
     file = open_result_file(ready, tmp_path_factory.mktemp("whole"))
     assert solve(ready.problem, ready.scheme, save=ready.save, sinks=[file]).status.ok
     return file.path
@@ -151,7 +151,7 @@ def test_resume_with_other_override_is_refused(write_partial_result, assert_refu
         ("--set", "run.revolutions=4", "--resume"),
         "--set",
         "run.revolutions=4",
-        "run.revolutions=3",
+        "run.revolutions=12",
     )
 
 
@@ -232,7 +232,7 @@ def test_resume_over_existing_result_requires_overwrite(flexcam, write_partial_r
 @pytest.mark.parametrize("after", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_interrupted_resume_loses_no_steps(after, write_partial_result, case, flexcam, complete_result, tmp_path):
     """An interruption while earlier blocks are read (1) and before the next block is complete (2)."""
-    words = ("run.revolutions=3",)
+    words = ("run.revolutions=12",)
     partial = write_partial_result(blocks=2)
     saved_steps = len(read_result(partial).response.time)
     ready = prepare(read_case(case, words))
@@ -250,7 +250,7 @@ def test_interrupted_resume_loses_no_steps(after, write_partial_result, case, fl
 def test_resume_with_other_problem_is_refused_in_python(write_partial_result, case):
     """In Python, only `solve` compares the saved problem with the new one."""
     partial = write_partial_result()
-    earlier = open_partial_result(prepare(read_case(case, ("run.revolutions=3",))), partial.parent)
-    other = read_case(case, ("run.revolutions=3", "run.steps_per_revolution=3599"))
+    earlier = open_partial_result(prepare(read_case(case, ("run.revolutions=12",))), partial.parent)
+    other = read_case(case, ("run.revolutions=12", "run.steps_per_revolution=3599"))
     with pytest.raises(InputError, match="run of another problem"):
         flexcam_run(other, resume=earlier)

@@ -224,7 +224,7 @@ def test_restart_from_saved_field(path, method, prune):
     system = masses(7)
     loads = tuple(Load(f"l{i}", np.random.default_rng(i).normal(size=7), sine) for i in range(3))
     problem = Problem(replace(system, loads=loads), ConstantSpeed(3.0), 0.01, 700, engine=path, prune=prune)
-    save = SaveAt(field_every=10)
+    save = SaveAt(field_every=10, fields_per_block=64)
     whole = solve(problem, method, save=save)
     for taken in (320, 640, 650):
         fields = solve(replace(problem, steps=taken), method, save=save).fields

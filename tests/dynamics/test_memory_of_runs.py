@@ -87,7 +87,7 @@ def test_empty_sinks_have_zero_extremes(pair):
 
 
 def test_keep_option_of_run():
-    case = flexcam.read_case(CASE, ["run.revolutions=2"])
+    case = flexcam.read_case(CASE, ["run.revolutions=6"])
     few, whole = flexcam.run(case, keep="revolution"), flexcam.run(case)
     assert len(few.time) < len(whole.time)
     assert few["valve"].displacement[-1] == whole["valve"].displacement[-1]
@@ -96,7 +96,7 @@ def test_keep_option_of_run():
 
 
 def test_block_length_is_limited_for_rare_fields():
-    assert SaveAt().block == 640
+    assert [SaveAt(unknowns=n).block for n in (0, 625, 1000, 2500, 10**6)] == [2560, 2560, 1600, 640, 640]
     assert SaveAt(field_every=100).block == 3200
     assert SaveAt(field_every=1000).block == 8000
     assert [SaveAt(field_every=every).block for every in (8192, 8193, 10**9)] == [8192] * 3

@@ -108,7 +108,7 @@ def test_discontinuous_force_gives_status_no_convergence(failing_step):
         return np.where(gap > 0, 1e9, -1e9) if wall["calls"] > failing_step else np.zeros(1)
 
     system = mass_chain(3, law=Law(lambda g, r: -push(g, r), zero_force, zero_force))
-    response = solve(Problem(system, DRIVE, STEP, 2000, initial_state(3)), newmark())
+    response = solve(Problem(system, DRIVE, STEP, 2000, initial_state(3)), newmark(), save=SaveAt(fields_per_block=32))
     assert response.status.cause is Cause.NO_CONVERGENCE
     assert "t = " in response.status.text
     assert "joint" in response.status.text

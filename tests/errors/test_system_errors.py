@@ -6,6 +6,7 @@ import resource
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -71,7 +72,11 @@ def test_full_disk_keeps_earlier_result_and_copy(file_size, program, tried, tmp_
 
 @pytest.fixture
 def ready():
-    return prepare(read_case(CASE))
+    return with_short_blocks(prepare(read_case(CASE)))
+
+
+def with_short_blocks(ready):
+    return replace(ready, save=replace(ready.save, fields_per_block=32))
 
 
 @pytest.fixture
@@ -145,7 +150,7 @@ def test_results_open_in_other_readers_are_replaced(ready, copy_every_block, tri
 
 def test_full_disk_stops_copies_but_not_the_run(copy_every_block, monkeypatch, tmp_path):
     """The run needs the space itself: the last copy stays, and the result is complete."""
-    ready = prepare(read_case(CASE, ["run.revolutions=4"]))
+    ready = with_short_blocks(prepare(read_case(CASE, ["run.revolutions=4"])))
     file, full, lengths = open_result_file(ready, tmp_path), shutil._ntuple_diskusage(0, 0, 0), []
 
     def look():
@@ -178,12 +183,13 @@ sys.exit(sum(os.wait()[1] != 0 for _ in range(8)))
 
 
 @pytest.mark.slow
-def test_parallel_processes_write_into_one_folder(ready, tried, tmp_path):
+def test_parallel_processes_write_into_one_folder(tried, tmp_path):
     """Eight processes start at the same time and write different results."""
     command = [sys.executable, "-c", PARALLEL_RUNS, str(CASE), str(tmp_path / "out")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=100)
     assert (done.returncode, done.stderr) == (0, "")
     assert file_names(tmp_path / "out") == sorted(f"{letter}{i}.vtkhdf" for letter in "ab" for i in range(8))
+    ready = prepare(read_case(CASE))
     expected = solve(ready.problem, ready.scheme, save=ready.save)
     for path in (tmp_path / "out").iterdir():
         assert (read_result(path).response.channels["energy.work"] == expected.channels["energy.work"]).all()
@@ -192,6 +198,7 @@ def test_parallel_processes_write_into_one_folder(ready, tried, tmp_path):
 
 LOCK_AND_EXIT = """
 import os, sys
+from dataclasses import replace
 from pathlib import Path
 from flexcam.io import open_with_lock
 open_with_lock(Path(sys.argv[1]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +43,8 @@ def solve_into():
 @pytest.fixture(scope="session")
 def ready():
     """Return the prepared inline case: 721 steps, 37 saved fields in two blocks."""
-    return prepare(read_case(DATA / "inline.toml"))
+    prepared = prepare(read_case(DATA / "inline.toml"))
+    return replace(prepared, save=replace(prepared.save, fields_per_block=32))
 
 
 @pytest.fixture(scope="session")

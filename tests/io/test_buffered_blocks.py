@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -15,8 +16,8 @@ from tests.sinks import Cut
 
 @pytest.fixture(scope="module")
 def ready_for_seven_blocks(ready):
-    """Return the inline case prepared for seven blocks."""
-    return prepare(read_case(ready.case.path, ["run.revolutions=6"]))
+    """Return the inline case prepared for seven blocks of 640 steps."""
+    return replace(prepare(read_case(ready.case.path, ["run.revolutions=6"])), save=ready.save)
 
 
 def content(path):

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from flexcam import compare, read_case, run
 from flexcam.cams import LAWS, BSplineLaw, CompoundCycloid, Harmonic, Polynomial, ReversedLaw, Scca, residual_spectrum
 from tests.thinning import mostly_slow
 
@@ -139,3 +140,35 @@ def test_decay_rate_for_large_ratios(record, fitted_order):
 def test_invalid_ratios_raise_error(ratio):
     with pytest.raises(ValueError, match=r"above zero"):
         residual_spectrum(LAWS["3-4-5"], [1.0, ratio])
+
+
+FOLLOWER = """
+format = 1
+nodes = {{ cam = [0, 0, 0], follower = ["0 mm", "30 mm", "0 mm"] }}
+supports = {{ cam = ["ux", "uy", "uz", "rx", "ry"], follower = ["ux", "uz"] }}
+masses.follower = {{ at = "follower", mass = 2.0 }}
+contacts.cam = {{ cam = "plate", follower = "follower", model = "bilateral", direction = "uy", stiffness = {k} }}
+output.probes = ["follower"]
+run = {{ speed = "60 rpm", revolutions = 0.5, steps_per_revolution = 7200 }}
+[cams.plate]
+at = "cam"
+axis = [1, 0, 0]
+law = "{law}"
+lift = "10 mm"
+rise = "60 deg"
+dwell = "240 deg"
+return = "60 deg"
+"""
+
+
+@pytest.mark.parametrize("law", ["cycloidal", "parabolic"])
+def test_compared_run_has_residual_vibration_of_spectrum(law, record, tmp_path):
+    """A mass on an elastic contact, in the dwell after a rise of 1.3 of its periods; the run ends in this dwell."""
+    case = tmp_path / "follower.toml"
+    frequency = 2.0 * math.pi * 1.3 * 6.0  # a rise takes a sixth of a second
+    case.write_text(FOLLOWER.format(law=law, k=2.0 * frequency**2), encoding="utf-8")
+    read = read_case(case)
+    found = compare(run(read), run(read, rigid=True), "follower.uy", 60.0)
+    record(source=SOURCE, case=f"{law}, run of an oscillator", quantity="residual amplitude / lift", unit="1",
+           reference=float(residual_spectrum(LAWS[law], 1.3)), computed=found.residual / 0.01, tolerance=1e-3,
+           reason="extremes between steps; collocation")  # fmt: skip
