@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -31,8 +31,8 @@ class Histories:
     #: every contact; a seating velocity is constant
     values: Mapping[str, FloatArray]
     #: rate of a quantity that is cubic between two instants, by name, shape (m,); other quantities are linear there
-    slopes: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
-    component: str = "uy"  #: of the probe
+    slopes: Mapping[str, FloatArray]
+    component: str  #: of the probe
 
     def unit(self, quantity: str) -> str:
         """Return the SI unit of a quantity."""

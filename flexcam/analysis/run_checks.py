@@ -126,10 +126,11 @@ def describe_method(ready: PreparedRun, monitor: RunMonitor) -> list[str]:
         return []
     steps = round(ready.revolution / ready.problem.step)
     why = f"{steps} steps per revolution are too few for the stiffness of the contacts"
-    finer = f"With {parts * steps} steps, for example, flexcam uses collocation, whose contact forces are more accurate"
-    sentences = [f"Integrator: Newmark's method, because {why}."]
-    sentences += [] if required_steps(ready, monitor) else [f"{finer}."]  # a warning recommends another number
-    return [" ".join(sentences)]
+    text = f"Integrator: Newmark's method, because {why}."
+    if not required_steps(ready, monitor):  # otherwise a warning recommends another number
+        finer = f"With {parts * steps} steps, for example, flexcam uses collocation"
+        text += f" {finer}, whose contact forces are more accurate."
+    return [text]
 
 
 def _check_geometric_stiffness(ready: PreparedRun) -> Iterator[str]:
@@ -268,7 +269,8 @@ def check_response(case: Case, response: Response, *, rigid: bool = False) -> li
     """
     ready = prepare(case, rigid=True) if rigid else prepare_without_periodic_search(case)
     if response.outline != outline(ready.problem.system):
-        raise refuse("response", "a response of another model", "that of a run of the case", "", "check rigid")
+        remedy = "give the case of the run, and rigid=True if its members are rigid"
+        raise refuse("response", "a response of another model", "that of a run of the case", "", remedy)
     monitor, stats = RunMonitor.from_response(ready, response), response.stats
     sentences = check_run(ready, monitor, compute_metrics(ready, response), stats)
     if stats.steps == ready.problem.steps:

@@ -197,7 +197,7 @@ MIN_FORCE_RATIO = 0.05
 _MIN_CHANGE = 0.01, CHATTER, GROWTH  # differences of two revolutions, of motion, force and stress: chatter counts
 _LISTED_SPEED_RATIO = 2.0  # multiple of the case's speed up to which resonances are listed individually
 _PERIODICITY_TOLERANCE = 1e-3  # allowed difference between start and end of a periodic motion, relative to the motion
-_LEAVING = 10.0  # minimum revolutions of a run that does not begin with an unstable periodic motion
+_MIN_REVOLUTIONS = 10.0  # of a run that does not begin with an unstable periodic motion
 _GROWTH_THRESHOLD = 1.0 + 1e-6
 _MIN_STEPS = 360  # minimum steps per revolution for the Floquet analysis: coarse steps miss parametric instability
 # maximum steps per revolution: every step requires a linearization, and a hundredth of a degree is sufficient
@@ -320,7 +320,7 @@ def _change_from_equilibrium(case: Case) -> RevolutionChange | None:
 
     A run that begins with it stays on it until rounding errors have grown. None if the run fails.
     """
-    revolutions = max(case.record.run.revolutions, _LEAVING)
+    revolutions = max(case.record.run.revolutions, _MIN_REVOLUTIONS)
     try:
         ready = prepare(case.with_run({"start": "equilibrium", "revolutions": revolutions}).with_stable_method())
         response = solve(ready.problem, ready.scheme, save=ready.save)

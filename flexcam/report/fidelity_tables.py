@@ -91,7 +91,7 @@ def error_table(errors: Sequence[Error]) -> Table:
         (error.quantity, format_with_error(error),
          *(f"{100.0 * part / error.size:.2g} %" if error.size > 0.0 and error.holds else ""
            for part in (error.time, error.space, error.model)),
-         "" if error.holds else "no convergence with shorter steps")
+         "" if error.holds else "no convergence with shorter steps: use more")
         for error in errors
     ]  # fmt: skip
     heads = ("quantity", "max", "by the steps", "by the elements", "by the model", "")

@@ -14,6 +14,7 @@ from flexcam.valvetrain.structure import Structure, element_loads
 
 _BENDS = 0.01  # fraction of strain energy in bending above which a member counts as bending
 _BLOCK_INTERVAL = 8  # number of initial blocks evaluated for bending; later, one of as many blocks is evaluated
+_FIELD_INTERVAL = 32  # one of as many fields of such a block is evaluated
 
 _WAVE = 2.0 * math.pi
 
@@ -65,13 +66,14 @@ class ResolutionSink:
         """Do nothing."""
 
     def _update_energy(self, block: Block) -> None:
-        """Update the strain energy in bending with the last field of a block."""
-        beams, nodal = self._structure.beams, self._structure.dofs.nodal
-        u, a = (nodal(field[-1:]) for field in (block.fields.displacement, block.fields.acceleration))
-        moments = section_forces(beams, u, acceleration=a, spread=self._spread)[0, :, :, 4:]
+        """Update the strain energy in bending with the last field of a block and some before it."""
+        beams, nodal, some = self._structure.beams, self._structure.dofs.nodal, slice(None, None, -_FIELD_INTERVAL)
+        u, a = (nodal(field[some]) for field in (block.fields.displacement, block.fields.acceleration))
+        moments = section_forces(beams, u, acceleration=a, spread=self._spread)[:, :, :, 4:]
         rigidity = np.stack([beams.EIy, beams.EIz], axis=1)
-        mean = (moments**2).sum(axis=1) + moments[:, 0] * moments[:, 1]  # of a moment that changes linearly
-        self._energy = np.maximum(self._energy, beams.length / 6.0 * (mean / rigidity).sum(axis=1))
+        mean = (moments**2).sum(axis=2) + moments[:, :, 0] * moments[:, :, 1]  # of a moment that changes linearly
+        energies = beams.length / 6.0 * (mean / rigidity).sum(axis=2)
+        self._energy = np.maximum(self._energy, energies.max(axis=0))
 
     def evaluate(self) -> Resolution:
         """Return the resolution of the run."""

@@ -43,7 +43,7 @@ def history(steps, *values, **more):
     """Return the histories of a run over one second; values are functions of time."""
     time = np.linspace(0.0, 1.0, steps + 1)
     one = {name: value(time) for name, value in more.items()}
-    return Histories(time, one | {f"force {i}": value(time) for i, value in enumerate(values)})
+    return Histories(time, one | {f"force {i}": value(time) for i, value in enumerate(values)}, {}, "uy")
 
 
 class TestDistance:

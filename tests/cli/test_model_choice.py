@@ -88,7 +88,7 @@ def test_wide_trade_table_truncates_no_number(monkeypatch, capsys):
     ]
     errors = {name: 0.012 * 10.0**i for i, name in enumerate(names)}
     evaluation = ModelEvaluation("beams x2", "", 1440, 10444, 345_600_000, 0.0123, errors, Status())
-    reference = Reference(Histories(np.zeros(1), {}), errors, dict.fromkeys(errors, 1.0), 1440)
+    reference = Reference(Histories(np.zeros(1), {}, {}, "uy"), errors, dict.fromkeys(errors, 1.0), 1440)
     result_console().print(trade_table(reference, [evaluation]))
     shown = capsys.readouterr().out
     row = next(line for line in shown.splitlines() if "beams x2" in line).split()

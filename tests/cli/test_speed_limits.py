@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, prepare, read_case, solve
-from flexcam.analysis.limits import Search, _filtered_contacts, _lofted_valves, _open_contacts, find_limits
+from flexcam.analysis.limits import (
+    Search,
+    _filtered_contacts,
+    _lofted_valves,
+    _open_contacts,
+    evaluate_speed,
+    find_limits,
+)
 from flexcam.core.units import RPM
 from flexcam.dynamics import Cause, Status
 from flexcam.valvetrain import separation_by_flank
@@ -33,6 +40,14 @@ def test_limits_report_every_limit_and_rigid_speed(flexcam, one_mass):
     rigid = np.sqrt(((300.0 + 40e3 * lift[falls]) / (0.1 * -bend[falls])).min()) * 30.0 / np.pi
     assert answer["rigid_loss_of_contact_rpm"] == pytest.approx(rigid, rel=1e-5)
     assert answer["loss_of_contact_rpm"] == pytest.approx(rigid, rel=0.06)  # the contact is slightly flexible
+
+
+def test_periodic_start_is_not_searched_at_every_speed(one_mass, monkeypatch):
+    """The first revolution does not count: the runs of a search begin with equilibrium."""
+    case, search = read_case(one_mass()), Search(3000.0 * RPM, 5000.0 * RPM)
+    expected = evaluate_speed(case, search, 4200.0 * RPM)
+    monkeypatch.setattr("flexcam.analysis.preparation.solve_periodic", lambda *_, **__: pytest.fail("searched"))
+    assert evaluate_speed(case.with_run({"start": "periodic"}), search, 4200.0 * RPM) == expected
 
 
 @pytest.mark.slow
