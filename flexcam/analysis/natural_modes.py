@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
@@ -191,7 +191,7 @@ def campbell(
         else:
             _extend_lines(lines, i, len(rpm), current, build_structure(ready.model).mass, modes)
     lines.sort(key=lambda line: float(np.nanmin(line.frequencies)))
-    crossings = _find_crossings(name, rpm, lines, lifts, loads)
+    crossings = _with_loads(case, name, _find_crossings(name, rpm, lines, lifts), advance)
     frequencies = np.array([line.frequencies for line in lines]).reshape(len(lines), len(rpm)).T
     reached, words = tuple(line.reached for line in lines), tuple(line.words for line in lines)
     return Campbell(name, rpm, frequencies, reached, words, lifts, loads, crossings, tuple(statuses))
@@ -230,20 +230,33 @@ def _extend_lines(lines: list[_ModeLine], i: int, count: int, now: ContactModes,
         lines[k].reached |= first + j in relevant
 
 
-def _find_crossings(
-    contact: str, rpm: FloatArray, lines: Sequence[_ModeLine], lifts: Mapping[int, float], loads: FloatArray
+def _with_loads(
+    case: Case, contact: str, crossings: Sequence[Resonance], advance: ProgressCallback | None
 ) -> tuple[Resonance, ...]:
-    """Return the crossings of order lines with mode lines, linear between speeds."""
+    """Return crossings with the amplitudes in the force of a run at the speed of each; a resonance may be narrow."""
+    speeds = sorted({crossing.rpm for crossing in crossings})
+    highest, forces = max((crossing.harmonic for crossing in crossings), default=0), dict[float, FloatArray]()
+    for rpm, run in zip(speeds, run_over_speeds(case, [rpm * RPM for rpm in speeds], advance), strict=True):
+        if not isinstance(run, Status) and run[1].status.ok:
+            forces[rpm] = force_harmonics(run[1], contact, highest)
+    unknown = np.full(highest, math.nan)
+    return tuple(replace(c, load=float(forces.get(c.rpm, unknown)[c.harmonic - 1])) for c in crossings)
+
+
+def _find_crossings(
+    contact: str, rpm: FloatArray, lines: Sequence[_ModeLine], lifts: Mapping[int, float]
+) -> tuple[Resonance, ...]:
+    """Return the crossings of order lines with mode lines, linear between speeds, without the load."""
     crossings: list[Resonance] = []
     for mode, line in enumerate(lines):
-        for column, (n, size) in enumerate(lifts.items() if line.reached else ()):
+        for n, size in lifts.items() if line.reached else ():
             above = line.frequencies - n * rpm / 60.0
             for i in np.flatnonzero(above[:-1] * above[1:] <= 0.0).tolist():
                 if above[i + 1] == 0.0 and i + 2 < len(rpm):  # the next segment starts with the same crossing
                     continue
                 part = above[i] / (above[i] - above[i + 1]) if above[i] != above[i + 1] else 0.0
-                speed, load = (float(y[i] + part * (y[i + 1] - y[i])) for y in (rpm, loads[:, column]))
-                crossings.append(Resonance(contact, speed, n, size, load, mode, n * speed / 60.0, line.words))
+                speed = float(rpm[i] + part * (rpm[i + 1] - rpm[i]))
+                crossings.append(Resonance(contact, speed, n, size, math.nan, mode, n * speed / 60.0, line.words))
     return tuple(sorted(crossings, key=lambda crossing: crossing.rpm))
 
 

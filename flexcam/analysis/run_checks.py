@@ -16,7 +16,15 @@ import numpy as np
 
 from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search
 from flexcam.analysis.run_metrics import RevolutionChange, compute_metrics, has_whole_revolution, revolution_change
-from flexcam.cams import FlatFollower, Follower, RollerFollower, profile_at, undercut
+from flexcam.cams import (
+    FlatFollower,
+    Follower,
+    RollerFollower,
+    SwingFlatFollower,
+    SwingRollerFollower,
+    profile_at,
+    undercut,
+)
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_model, check_values
 from flexcam.core import rounding_fraction
@@ -39,6 +47,7 @@ from flexcam.valvetrain import (
     ResolutionSink,
     build_structure,
     compressed_members,
+    find_pivot,
     model_modes,
     stiff_struts,
 )
@@ -186,7 +195,7 @@ def _check_shared_lobes(model: Model) -> Iterator[str]:
 
 
 def _check_follower_nodes(model: Model) -> Iterator[str]:
-    """Yield the followers that miss their cam along the shaft, and translating ones away from its base circle."""
+    """Yield the followers that miss their cam along the shaft, and those away from its base circle."""
     for name, part in model.cam_contacts.items():
         cam, points = model.cams[part.cam], model.mesh.points
         follower = cam.follower
@@ -198,16 +207,39 @@ def _check_follower_nodes(model: Model) -> Iterator[str]:
             away, width = (format_quantity("m", size) for size in (distance, cam.width))
             place = f"node {part.follower} is {away} from the cam along the shaft, and the cam is {width} wide"
             yield f"Warning: contacts.{name}: {place}; check both nodes"
-        if not isinstance(follower, FlatFollower | RollerFollower):
+        zero, across = np.zeros(1), np.linalg.norm(np.cross(node - centre, part.shaft_axis))
+        if isinstance(follower, SwingRollerFollower | SwingFlatFollower):
+            yield from _check_pivot(model, name, part, follower.distance)
+        if isinstance(follower, SwingRollerFollower):
+            place, height, expected = "", float(across), follower.base_radius + follower.roller_radius
+        elif isinstance(follower, FlatFollower | RollerFollower):
+            place, height = "in the lift direction, ", float((node - centre) @ part.direction[:3])
+            expected = float(follower.contact(zero, zero, zero, cam.turn).trace.imag[0])
+        else:
             continue
-        height = float((node - centre) @ part.direction[:3])
-        zero = np.zeros(1)
-        expected = float(follower.contact(zero, zero, zero, cam.turn).trace.imag[0])
+        if isinstance(follower, RollerFollower):
+            across = cam.turn * float((node - centre) @ part.across[:3])
+            aside = float(follower.contact(zero, zero, zero, cam.turn).trace.real[0])
+            if abs(across - aside) > _MAX_FOLLOWER_OFFSET * expected:
+                side = [round(float(x), 4) + 0.0 for x in cam.turn * part.across[:3]]
+                at = f"its node is at {1e3 * across:.4g} mm along {side} from the cam centre"
+                yield f"Warning: contacts.{name}: {at}, but should be at {1e3 * aside:.4g} mm by follower.offset"
         if abs(height - expected) > _MAX_FOLLOWER_OFFSET * expected:
-            place = f"in the lift direction, the node of follower {part.follower!r} is {1e3 * height:.4g} mm"
-            source = "base_radius and the roller" if isinstance(follower, RollerFollower) else "base_radius"
+            place += f"the node of follower {part.follower!r} is {1e3 * height:.4g} mm"
+            source = "base_radius" if isinstance(follower, FlatFollower) else "base_radius and the roller"
             place += f" from the cam centre, but it should be {1e3 * expected:.4g} mm (from {source})"
             yield f"Warning: contacts.{name}: {place}; correct the node, base_radius or the follower"
+
+
+def _check_pivot(model: Model, name: str, part: CamContact | PublishedLoad, expected: float) -> Iterator[str]:
+    """Yield the pivots whose distance from the cam is not that of the follower."""
+    centre = model.mesh.nodes[model.mesh.node(model.cams[part.cam].at)]
+    for pivot in find_pivot(build_structure(model), part) if isinstance(part, CamContact) else ():
+        distance = float(np.linalg.norm(np.cross(model.mesh.nodes[pivot] - centre, part.shaft_axis)))
+        if abs(distance - expected) > _MAX_FOLLOWER_OFFSET * expected:
+            place = f"its pivot {model.mesh.node_name(pivot)!r} is {1e3 * distance:.4g} mm from the cam centre"
+            remedy = f"{1e3 * expected:.4g} mm (follower.distance); correct the node or cams.{part.cam}.follower"
+            yield f"Warning: contacts.{name}: {place}, but it should be {remedy}"
 
 
 # During and after a run

@@ -230,7 +230,7 @@ def _rigid_limits(ready: PreparedRun, speed: float, angles: FloatArray) -> dict[
     channels, opposed = cam_forces(model, speed, motions), opposed_contacts(model)
     results: dict[str, tuple[float, FloatArray]] = {}
     for name, contact in model.cam_contacts.items():
-        if name in opposed or isinstance(contact, PublishedLoad):
+        if name in opposed or isinstance(contact, PublishedLoad) or not contact.unilateral:
             continue
         lifted = model.cams[contact.cam].lift(motion.angle, 0) > main_lift(model, contact.cam)
         forces = [table[name][lifted] for table in channels]

@@ -306,8 +306,9 @@ _ROUNDNESS_TOLERANCE = 0.01
 
 
 def model_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
-    """Yield the faults of shafts that are not round, opposite cams on a shaft, and immovable or reversed rockers."""
+    """Yield the faults of shafts that are not round, drag and opposite cams on them, and of rockers."""
     yield from _unsymmetric_shaft_faults(places, model)
+    yield from _drag_faults(places, model)
     yield from _rotation_faults(places, model)
     yield from _undriven_rocker_faults(places, model)
     yield from _reversed_rocker_faults(places, model)
@@ -333,6 +334,18 @@ def _unsymmetric_shaft_faults(places: KeyLocations, model: Model) -> Iterator[Fa
             allowed = f"a section that is as stiff along y as along z, within {100.0 * _ROUNDNESS_TOLERANCE:g} %"
             remedy = "use a circle, a tube, or a custom section with the mean of both"
             yield Fault(places.place(("members", name, "section")), "; ".join(differences), allowed, why, remedy)
+
+
+def _drag_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
+    """Yield frictions to ground about the axis of a rotating shaft."""
+    for cam, axis in {contact.cam: contact.shaft_axis for contact in model.cam_contacts.values()}.items():
+        shaft = model.mesh.connected_nodes(model.mesh.node(model.cams[cam].at), turning=True)
+        for name, friction in model.friction.items():
+            at = model.mesh.points.get(friction.at, shaft[:0])
+            if friction.to is None and np.isin(at, shaft).any() and float(friction.direction[3:] @ axis) != 0.0:
+                given, why = f"the axis of the shaft of cam {cam!r}", "rotations of a shaft are relative to its drive"
+                allowed, remedy = "a direction that does not rotate", "leave it out, and add it to the drive torque"
+                yield Fault(places.place(("friction", name, "direction")), given, allowed, why, remedy)
 
 
 def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:

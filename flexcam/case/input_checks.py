@@ -315,6 +315,7 @@ def check_model(case: Case, model: Model, problem: Problem, scheme: Method) -> I
     yield from _check_start_impact(case, model, problem)
     yield from check_overshoot(problem, scheme)
     yield from _check_drives(model)
+    yield from _check_rotating_masses(model)
     yield from _check_lash(model)
     yield from _check_valve_angles(model)
     if problem.system.is_kinematic:
@@ -377,6 +378,10 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
         if float(first.channels[f"contacts.{name}.force"][0]) > 0.0:
             why = "the lash stays closed: without a seat the spring force always goes through the cam"
             yield f"Warning: contacts.{name}: {why}; add the seat of the valve, such as [contacts.seat]"
+    adjusters = [name for name, part in model.contacts.items() if isinstance(part, Adjuster)]
+    for name in adjusters if contacts and not seats else ():
+        why = "the adjuster always sinks: without a seat the spring force goes through it on the base circle as well"
+        yield f"Warning: contacts.{name}: {why}; add the seat of the valve, such as [contacts.seat]"
 
 
 def _cam_lashes(model: Model) -> list[str]:
@@ -500,6 +505,9 @@ def check_coil_bind(model: Model, speed: float) -> list[str]:
     return warnings
 
 
+_UNEQUAL = 0.01  # difference of transverse moments of inertia, relative to their sum, from which it is reported
+
+
 # Crank angle of lift above a tenth of its maximum from which cam angles of a valve may be crank angles, rad.
 _MAX_OPENING = math.radians(400.0)
 
@@ -541,6 +549,24 @@ def _check_lash(model: Model) -> Iterator[str]:
             yield f"{begin} lift of {1e3 * whole.height:.3g} mm: the cam never takes it up; check gap and its unit"
         elif ramp and lash > ramp.height:
             yield f"{begin} ramp height of {1e3 * ramp.height:.3g} mm: it is taken up only after the ramp"
+
+
+def _check_rotating_masses(model: Model) -> Iterator[str]:
+    """Yield warnings about bodies whose inertia forces change with the rotation of their shaft, which are missing."""
+    for cam, axis in {contact.cam: contact.shaft_axis for contact in model.cam_contacts.values()}.items():
+        shaft = model.mesh.connected_nodes(model.mesh.node(model.cams[cam].at), turning=True)
+        across = np.linalg.svd(axis[None])[2][1:].T
+        for name, mass in model.masses.items():
+            if not np.isin(model.mesh.points.get(mass.at, shaft[:0]), shaft).any():
+                continue
+            moments, size = across.T @ mass.body.tensor @ across, float(np.trace(mass.body.tensor))
+            offset = float(np.linalg.norm(np.array(mass.body.offset) @ across))
+            why = f"the shaft of cam {cam!r} turns, and the body keeps its orientation in flexcam"
+            if offset > 0.0:
+                what = f"its centre is {1e3 * offset:.3g} mm off the axis"
+                yield f"Warning: masses.{name}: {what}, but {why}: it causes no centrifugal force"
+            elif np.ptp(np.linalg.eigvalsh(moments)) > _UNEQUAL * size:
+                yield f"Warning: masses.{name}: its transverse moments of inertia differ, but {why}; use their mean"
 
 
 def _check_drives(model: Model) -> Iterator[str]:

@@ -274,7 +274,7 @@ def modes_over_speed(
 ) -> cli.CommandOutput:
     """Return natural modes over speed and their crossings with orders of the cam."""
     scale = case.turns
-    with show_count(len(speeds), "speeds") as advance:
+    with show_count(None, "speeds") as advance:  # and those of the crossings
         chart = natural_modes.campbell(case, speeds, orders=orders, modes=count, contact=contact, advance=advance)
     weak = ", ".join(str(n) for n in orders if n not in chart.lifts)
     below = f"{100.0 * MIN_HARMONIC_RATIO:g} % of the largest"

@@ -173,7 +173,7 @@ def _derivative_table(name: str, results: Sequence[Sensitivity]) -> Table:
             "exact" if _is_analytic(sens) else format_number(math.nan if sens.error is None else sens.error, 2),
             "-" if math.isnan(sens.logarithmic) else f"{sens.logarithmic:+.4f}",
             "" if sens.smooth else "unknown" if math.isnan(sens.derivative)
-            else "equal frequencies" if sens.error is None else "not smooth",
+            else "equal frequencies" if frequency_number(sens.scalar) else "not smooth",
         )
         for sens in ordered
     ]  # fmt: skip

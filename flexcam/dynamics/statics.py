@@ -150,8 +150,12 @@ class _Potential:
         return result
 
     def _reaction(self, u: FloatArray) -> Reaction:
-        forces = self._forces
-        return forces.respond(self._penetration(u), np.zeros(forces.count), forces.start_state, self._inputs)
+        forces, penetration = self._forces, self._penetration(u)
+        owners, inner = forces.table.owners, _full_chambers(forces, penetration)
+        reaction = forces.respond(penetration, np.zeros(forces.count), inner, self._inputs)
+        extended = owners[penetration[owners] < 0.0]  # their oil follows, so that it has no stiffness
+        reaction.by_penetration[extended, extended] = 0.0
+        return reaction
 
     def _penetration(self, u: FloatArray) -> FloatArray:
         return self._sense @ u + self._inputs.offset[0]
@@ -164,8 +168,9 @@ class _Potential:
 
     def energy(self, u: FloatArray) -> float:
         """Return the potential energy; laws without energy do not contribute."""
-        state = self._forces.start_state[None]
-        stored = float(self._stored.at(self._penetration(u)[None], state, self._inputs.cam)[0][0])
+        penetration = self._penetration(u)
+        inner = _full_chambers(self._forces, penetration)
+        stored = float(self._stored.at(penetration[None], inner[None], self._inputs.cam)[0][0])
         return 0.5 * float(u @ self.system.stiffness.times(u)) - float(self._load @ u) + stored
 
     def line_search(
@@ -325,7 +330,12 @@ def _solve_from(
     else:
         d = solve_equilibrium(system, forces, load, motion, near)
     inner = None
-    if len(owners := forces.table.owners):
+    if len(forces.start_state):
         penetration = forces.sense_motion(d[None], np.zeros((1, len(d))), forces.prescribed_inputs(motion))[0][0]
-        inner = np.minimum(penetration[owners], 0.0)  # at rest the oil column has not leaked and is full
+        inner = _full_chambers(forces, penetration)
     return State(d, np.zeros(system.size), time, inner)
+
+
+def _full_chambers(forces: LocalForces, penetration: FloatArray) -> FloatArray:
+    """Return the internal states at rest: the oil of an adjuster has not leaked, and fills its chamber."""
+    return np.minimum(penetration[forces.table.owners], 0.0)

@@ -19,16 +19,16 @@ import numpy as np
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
-from flexcam.case.variants import Number, get_number, number_after_override
+from flexcam.case.variants import Number, get_number, make_overrides, number_after_override
 from flexcam.core import FloatArray, IntArray, Triplets
-from flexcam.core.errors import parse_all, refuse
+from flexcam.core.errors import InputError, parse_all, refuse
 from flexcam.core.units import DIMENSIONS, parse
-from flexcam.dynamics import modes
+from flexcam.dynamics import RunFailedError, modes
 from flexcam.studies.gradients import COUNTED, compute_gradient, exact_refusal, make_neighbours
 from flexcam.studies.plan import Row, Sample, check_power_of_two, check_seed
-from flexcam.studies.quantities import frequency_number, is_run_scalar, require_complete
+from flexcam.studies.quantities import compute_quantities, frequency_number, is_run_scalar, require_complete
 from flexcam.studies.variables import Runs, column, duplicate_key_faults
-from flexcam.valvetrain import build_structure
+from flexcam.valvetrain import Metric, build_structure
 
 STEP_OFFSETS = (-1.0, -0.5, 0.5, 1.0)  # offsets of the evaluated points, in steps
 _LARGE_ERROR = 0.05  # relative error of a derivative from which it is reported
@@ -191,7 +191,7 @@ def sensitivities(
     if frequencies:
         rows += _frequency_sensitivities(file, fixed, case, frequencies, numbers)
     if exact:
-        rows += _exact_sensitivities(case, exact, numbers)
+        rows += _exact_sensitivities(file, fixed, case, exact, numbers)
     if responses:
         rows += _response_sensitivities(case, responses, numbers, runs, relative_step)
     results = {(row.scalar, row.by.key): row for row in rows}
@@ -220,18 +220,48 @@ def _frequency_sensitivities(
             yield Sensitivity(name, "Hz", float(value), number, float(slope), None, not repeated, note)
 
 
-def _exact_sensitivities(case: Case, names: Sequence[str], numbers: Sequence[Number]) -> Iterator[Sensitivity]:
+def _exact_sensitivities(
+    file: CaseFile, fixed: Sequence[str], case: Case, names: Sequence[str], numbers: Sequence[Number]
+) -> Iterator[Sensitivity]:
     gradient = compute_gradient(case, names, numbers)
     warning = f"no derivative: {gradient.warning}; --method differences shows what remains" if gradient.warning else ""
+    changes = {} if warning else _joint_changes(file, fixed, case, names, numbers)
     for name in names:
         if name not in gradient.values:
             raise refuse("--of", name, "a result that this run has", "the run did not give it")
+        metric, doubt = gradient.values[name], ""
+        parts = [_JOINT_STEP * abs(n.value) * gradient.derivatives[name, n.key] for n in numbers] if not warning else []
+        size, change = float(np.abs(parts).sum()), changes.get(name, math.nan)
+        if abs(change - sum(parts)) > _JOINT_ERROR * size + _JOINT_NOISE * abs(metric.value):
+            joint = f"half the change from {-_JOINT_STEP:.1%} to {_JOINT_STEP:+.1%} of all numbers is {change:.3g}"
+            doubt = f"not smooth here: {joint} {metric.unit}, by the derivatives {sum(parts):.3g}"
+            doubt += "; use --method differences, or more steps per revolution"
         for number in numbers:
-            metric = gradient.values[name]
             slope = math.nan if warning else gradient.derivatives[name, number.key]
-            smooth = not math.isnan(slope)
-            note = warning or ("" if smooth else "no exact derivative: use --method differences")
-            yield Sensitivity(name, metric.unit, metric.value, number, slope, None, smooth, note)
+            known = not math.isnan(slope)
+            note = warning or (doubt if known else "no exact derivative: use --method differences")
+            yield Sensitivity(name, metric.unit, metric.value, number, slope, None, known and not doubt, note)
+
+
+# Fraction of all numbers by which two runs check their exact derivatives: steps of integration and contact events may
+# leave a motion smooth for much smaller changes alone. Allowed error, relative to the sum of the changes by each
+# number, and to the result.
+_JOINT_STEP, _JOINT_ERROR, _JOINT_NOISE = 0.005, 0.3, 1e-4
+
+
+def _joint_changes(
+    file: CaseFile, fixed: Sequence[str], case: Case, names: Sequence[str], numbers: Sequence[Number]
+) -> dict[str, float]:
+    """Return half the change of results of runs with all numbers a little above and below; none if a run fails."""
+    ends = list[Mapping[str, Metric]]()
+    for part in (_JOINT_STEP, -_JOINT_STEP):
+        values = {number.key: repr(number.value + part * abs(number.value)) for number in numbers}
+        try:
+            side = file.read((*fixed, *make_overrides(case, values))).with_newmark()
+            ends.append(compute_quantities(side, names))
+        except (InputError, RunFailedError):  # beyond a permitted value, or a result that a neighbour lacks
+            return {}
+    return {name: 0.5 * (ends[0][name].value - ends[1][name].value) for name in names}
 
 
 def _response_sensitivities(

@@ -4,7 +4,7 @@ May import `dynamics`, `fem`, `cams` and `core`. A new part is a dataclass in `p
 contact is a function in `contacts`.
 """
 
-from flexcam.valvetrain.cam_contact import hertz_line
+from flexcam.valvetrain.cam_contact import find_pivot, hertz_line
 from flexcam.valvetrain.camshaft import free_running, free_speed, undriven_shafts
 from flexcam.valvetrain.mass_chain import Chain, build_chain, straighten, without_compression
 from flexcam.valvetrain.model import Model
@@ -92,10 +92,11 @@ __all__ = [
     "Resolution", "ResolutionSink", "Rocker", "Seat", "Seating", "Spring", "StrengthSink", "Structure", "Wire",
     "buckling_load", "build_chain", "build_rigid", "build_structure", "build_system", "cam_forces",
     "compressed_members", "connected_nodes", "contact_loss", "contact_modes", "contact_stiffness", "describe_inactive",
-    "driving_contact", "element_loads", "explain_planes", "extreme_history", "follower_train", "free_running",
-    "free_speed", "hertz_line", "largest_lashes", "lift_transfer", "main_lift", "member_masses", "modal_basis",
-    "model_modes", "modes_on_the_lift", "nest_interference", "omit_coil_stops", "opposed_contacts", "pulling_contacts",
-    "radial_stiffness", "rigid_motion", "rocker_of", "seating", "separation", "separation_by_flank", "share_ends",
-    "shared_forces", "spring_held_contacts", "stiff_struts", "straighten", "touching_coils", "train_metric_names",
-    "train_metrics", "undriven_shafts", "valve_loft", "valve_ratio", "valve_seating", "without_compression",
+    "driving_contact", "element_loads", "explain_planes", "extreme_history", "find_pivot", "follower_train",
+    "free_running", "free_speed", "hertz_line", "largest_lashes", "lift_transfer", "main_lift", "member_masses",
+    "modal_basis", "model_modes", "modes_on_the_lift", "nest_interference", "omit_coil_stops", "opposed_contacts",
+    "pulling_contacts", "radial_stiffness", "rigid_motion", "rocker_of", "seating", "separation", "separation_by_flank",
+    "share_ends", "shared_forces", "spring_held_contacts", "stiff_struts", "straighten", "touching_coils",
+    "train_metric_names", "train_metrics", "undriven_shafts", "valve_loft", "valve_ratio", "valve_seating",
+    "without_compression",
 ]  # fmt: skip

@@ -109,7 +109,7 @@ class HertzLine:
 
 
 _LENGTH_TOLERANCE = 1e-6  # tolerance of lengths for rounding of input digits
-_ARM_TOLERANCE = 1e-2  # tolerance between an arm and its member
+_ARM_TOLERANCE = 1e-2  # tolerance between an arm and its member, of lengths and of the right angle to the lift
 
 
 def transverse_row(structure: Structure, contact: CamContact, cam: Cam) -> FloatArray:
@@ -119,8 +119,8 @@ def transverse_row(structure: Structure, contact: CamContact, cam: Cam) -> Float
     return structure.row(cam.at, direction) - follower
 
 
-def check_arm_length(structure: Structure, contact: CamContact, cam: Cam, where: str) -> None:
-    """Refuse a follower whose arm differs from that of its finger member."""
+def check_arm(structure: Structure, contact: CamContact, cam: Cam, where: str) -> None:
+    """Refuse a swinging follower that differs from its finger or from the nodes of its arm."""
     follower = cam.follower
     if not isinstance(follower, SwingRollerFollower | SwingFlatFollower):
         return
@@ -131,8 +131,9 @@ def check_arm_length(structure: Structure, contact: CamContact, cam: Cam, where:
             allowed = f"{1e3 * finger.arms[0]:g} mm, that of the rocker"
             raise refuse(f"{key}.arm", given, allowed, why, f"see {where}")
         return
+    mesh = structure.model.mesh
     for pivot in find_pivot(structure, contact):
-        name = structure.model.mesh.node_name(pivot)
+        name = mesh.node_name(pivot)
         length, normal = _arm(structure, contact, cam, pivot)
         if min(abs(length - follower.arm), abs(abs(normal) - follower.arm)) > _ARM_TOLERANCE * follower.arm:
             allowed = f"{1e3 * length:g} mm, from {name} to {contact.follower}"
@@ -141,19 +142,31 @@ def check_arm_length(structure: Structure, contact: CamContact, cam: Cam, where:
             given, allowed = ("clockwise", "counterclockwise")[:: follower.side]
             why = f"{name}, about which it turns, lies on the other side of the cam"
             raise refuse(f"{key}.rotation", given, allowed, why, f"or turn the cam, see {where}")
+        if isinstance(follower, SwingRollerFollower) and length - abs(normal) > 0.5 * _ARM_TOLERANCE**2 * length:
+            arm = mesh.nodes[mesh.node(contact.follower)] - mesh.nodes[pivot]
+            lift = np.cross(contact.shaft_axis, arm) * math.copysign(1.0, -normal * cam.turn)
+            allowed = f"{[round(float(x), 4) + 0.0 for x in lift / np.linalg.norm(lift)]}"
+            why = f"the roller moves perpendicular to its arm from {name}"
+            given = f"{[round(float(x), 4) + 0.0 for x in contact.direction[:3]]}"
+            raise refuse(f"{where}.direction", given, allowed, why)
 
 
 def find_pivot(structure: Structure, contact: CamContact) -> list[int]:
-    """Return the pivot node of the follower's member in the plane of the cam, if unique."""
+    """Return the pivot node of the follower's member in the plane of the cam, if unique.
+
+    Of several along one line, such as those of a shaft that carries the arm, it is the nearest.
+    """
     mesh, vector = structure.model.mesh, structure.dofs.vector
     node = find_node(structure.model, contact.follower, "follower")
     plane = contact.direction, contact.across
     fixed = [n for n in mesh.connected_nodes(node).tolist() if not any(vector(n, axis).any() for axis in plane)]
+    fixed.sort(key=lambda n: float(np.linalg.norm(mesh.nodes[n] - mesh.nodes[node])))
     arm = mesh.nodes[node] - mesh.nodes[fixed[:1]]
+    offsets = np.cross(mesh.nodes[fixed] - mesh.nodes[fixed[:1]], contact.shaft_axis)
+    is_unique = bool(fixed) and float(np.abs(offsets).max()) <= _LENGTH_TOLERANCE * float(np.linalg.norm(arm))
     # A node beyond the pivot only moves sideways.
     lifts = abs(arm @ contact.across[:3]) > _ARM_TOLERANCE * np.linalg.norm(arm, axis=1)
-    pivots = [n for n in fixed if vector(n, contact.rotation).any()]
-    return pivots if len(fixed) == 1 and lifts.all() else []
+    return fixed[:1] if is_unique and lifts.all() and vector(fixed[0], contact.rotation).any() else []
 
 
 def _arm(structure: Structure, contact: CamContact, cam: Cam, pivot: int) -> tuple[float, float]:
@@ -247,7 +260,7 @@ def _penetration_rows(structure: Structure, contact: CamContact, cam: Cam, where
     follower = structure.row(contact.follower, lift, f"{where}.follower")
     if not follower.any():
         raise fixed_follower_error(structure, contact.follower, f"{where}.follower")
-    check_arm_length(structure, contact, cam, where)
+    check_arm(structure, contact, cam, where)
     twist = structure.row(cam.at, axis)
     rolls = cam.follower is not None and np.isfinite(cam.follower.roller_radius)
     swings = isinstance(cam.follower, SwingRollerFollower | SwingFlatFollower)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,11 +110,15 @@ def _base_inertia(structure: Structure) -> FloatArray:
     """Return the inertia forces M r on the unknowns per unit acceleration of the base along r, shape (n, 6).
 
     The effective mass of a mass-orthonormal mode is ``(phi^T M r)^2``: R. W. Clough and J. Penzien, Dynamics of
-    Structures, 3rd ed. (2003), sec. 26-2. Over all modes it sums to the mass of the free components along r.
-    The frame and with it all pivots move. A rocker then does not rotate, and masses at its points translate.
+    Structures, 3rd ed. (2003), sec. 26-2. The rows of the free components in M are complete: the motion of supported
+    ones acts on them as well. The frame and with it all pivots move. A rocker then does not rotate, and masses at its
+    points translate.
     """
+    whole = build_structure(replace(structure.model, supports={}))
+    places = {name: i for i, name in enumerate(whole.dofs.names)}
+    moved = [whole.mass.times(whole.dofs.rigid_motion(whole.model.mesh, unit)) for unit in np.eye(6)]
+    forces = np.array(moved).T[[places[name] for name in structure.dofs.names]]
     motions = [structure.dofs.rigid_motion(structure.model.mesh, unit) for unit in np.eye(6)]
-    forces = np.array([structure.mass.times(motion) for motion in motions]).T
     for inertia in (inertia for parts in scalar_inertias(structure).values() for inertia in parts):
         for axis, component in enumerate(inertia.direction.tolist()):
             forces[:, axis] += inertia.mass * inertia.row * (component - float(inertia.row @ motions[axis]))

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.core import DENSE_LIMIT, FloatArray, IntArray, null_space, select_constraints
+from flexcam.core import DENSE_LIMIT, FloatArray, IntArray, Triplets, null_space, select_constraints
 from flexcam.dynamics import Block, Channel, ForceLaw, LocalForce, Observable, Observation, Stats, Status, constant
 from flexcam.dynamics.force_laws import ARCH
 from flexcam.fem.assembly import build_beams, geometric, sections_at_nodes, stiffness
@@ -22,20 +22,22 @@ from flexcam.fem.recovery import fibres, section_forces
 from flexcam.valvetrain.camshaft import PARALLEL, shaft_axes
 from flexcam.valvetrain.coupling import Coupling, opposed_force
 from flexcam.valvetrain.model import Model
+from flexcam.valvetrain.parts import Spring
 from flexcam.valvetrain.structure import Structure, element_loads
 
 
 def buckling_load(structure: Structure, member: str) -> float:
     """Return the buckling load of a single member in its supports.
 
-    The lowest P of ``K + P Kg(-1)`` over the member's own elements, with the supports of its nodes. Other members and
-    springs are neglected, so that a pushrod between guides has Euler's load. Ends that the supports leave free are
-    hinged. Elements are divided if fewer than four lie between supports, as a single one is up to 50 % too stiff.
+    The lowest P of ``K + P Kg(-1)`` over the member's own elements, with the supports of its nodes and the springs and
+    bearings from them to ground. Other members are neglected, so that a pushrod between guides has Euler's load. Ends
+    that these leave free are hinged. Elements are divided if fewer than four lie between supports, as a single one is
+    up to 50 % too stiff.
     """
-    load = _lowest_load(*_divide(structure.model, member, 1))
+    load = _lowest_load(structure.model, member, 1)
     if math.isinf(load) or (parts := _parts(structure.model, member)) == 1:
         return load
-    return _lowest_load(*_divide(structure.model, member, parts))
+    return _lowest_load(structure.model, member, parts)
 
 
 def stiff_struts(model: Model) -> dict[str, tuple[float, int]]:
@@ -49,7 +51,7 @@ def stiff_struts(model: Model) -> dict[str, tuple[float, int]]:
         count = len(model.mesh.lines[name]) - 1
         if not member.geometric_stiffness or 6 * count > DENSE_LIMIT or (parts := _parts(model, name)) == 1:
             continue
-        coarse, fine = (_lowest_load(*_divide(model, name, n)) for n in (1, parts))
+        coarse, fine = (_lowest_load(model, name, n) for n in (1, parts))
         if coarse > (1.0 + _EXCESS_LIMIT) * fine:
             struts[name] = coarse / fine - 1.0, parts * count
     return struts
@@ -58,8 +60,11 @@ def stiff_struts(model: Model) -> dict[str, tuple[float, int]]:
 _EXCESS_LIMIT = 0.05  # relative excess of the buckling load to report: two elements between supports stay below it
 
 
-def _lowest_load(member: Beams, dofs: DofMap) -> float:
-    K, G = stiffness(member, dofs), geometric(member, np.full(len(member), -1.0), dofs)
+def _lowest_load(model: Model, name: str, parts: int) -> float:
+    """Return the buckling load of a member of divided elements."""
+    member, dofs, guides = _divide(model, name, parts)
+    K = Triplets.sum([stiffness(member, dofs), guides])
+    G = geometric(member, np.full(len(member), -1.0), dofs)
     numbers = dofs.numbers[np.unique(member.nodes)]
     used = np.unique(numbers[numbers >= 0])
     K, softening = K.part(used), -G.part(used).dense()
@@ -81,18 +86,34 @@ _MANY = 100  # number of elements of a member up to which they are divided: thei
 
 def _parts(model: Model, member: str) -> int:
     line, points = model.mesh.lines[member], model.mesh.points
-    supported = {node for point in model.supports for node in points[point].tolist()}
+    guides = {*model.supports, *(at for at, _ in _ground_springs(model))}
+    supported = {node for point in guides for node in points[point].tolist()}
     inner = [i for i in range(1, len(line) - 1) if int(line[i]) in supported]
     count = math.ceil(_SUFFICIENT_ELEMENTS / int(np.diff([0, *inner, len(line) - 1]).min()))
     return min(count, max(2, _MANY // len(line)))
 
 
-def _divide(model: Model, member: str, parts: int) -> tuple[Beams, DofMap]:
-    """Return the divided elements of a member and their numbering with supports."""
+def _ground_springs(model: Model) -> list[tuple[str, Spring]]:
+    """Return the springs and bearings between a node and ground, with the name of the node."""
+    springs = [spring for spring in model.springs.values() if spring.to is None]
+    return [(spring.at, spring) for spring in springs if spring.at in model.mesh.points]
+
+
+def _divide(model: Model, member: str, parts: int) -> tuple[Beams, DofMap, Triplets]:
+    """Return the divided elements of a member, their numbering with supports, and the springs to ground."""
     nodes, line = np.unique(model.mesh.lines[member], return_inverse=True)
-    points = {point: np.flatnonzero(np.isin(nodes, model.mesh.points[point])) for point in model.supports}
+    springs = _ground_springs(model)
+    names = {*model.supports, *(at for at, _ in springs)}
+    points = {point: np.flatnonzero(np.isin(nodes, model.mesh.points[point])) for point in names}
     mesh = refine(Mesh(model.mesh.nodes[nodes], {member: line}, points), {member: parts})
-    return build_beams(mesh, model.members), dof_map(mesh, model.supports.items())
+    dofs = dof_map(mesh, model.supports.items())
+    rows = [
+        math.sqrt(spring.stiffness) * dofs.vector(int(node), spring.direction)
+        for at, spring in springs
+        for node in points[at]
+    ]
+    guides = np.array(rows).reshape(len(rows), dofs.size)
+    return build_beams(mesh, model.members), dofs, Triplets.from_dense(guides.T @ guides)
 
 
 def _hinge_free_ends(matrix: FloatArray, free: FloatArray, ends: NDArray[np.bool_]) -> FloatArray:

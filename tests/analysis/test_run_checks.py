@@ -15,7 +15,15 @@ import pytest
 import flexcam
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import open_result_file
-from flexcam.analysis.run_checks import RunMonitor, check_run, describe_balance, describe_decay, energy_share
+from flexcam.analysis.run_checks import (
+    RunMonitor,
+    check_input,
+    check_run,
+    describe_balance,
+    describe_decay,
+    energy_share,
+)
+from flexcam.core.errors import InputError
 from flexcam.dynamics import Block, ConstantSpeed, Outline, Problem, State, Stats, hht, newmark, solve
 from flexcam.dynamics.energy import EquilibriumResidual
 from flexcam.valvetrain import Resolution, ResolutionSink, build_structure
@@ -279,6 +287,30 @@ def test_rigid_rotation_is_no_deformation():
     (stiff,) = (one for one in run_warnings(arm) if "member" in one)
     assert re.search(r"member arm turns by 1[78]\.\d deg, .*: its rotation remains valid", stiff)
     assert any("member arm leaves the range" in one for one in run_warnings(arm, *clamped))
+
+
+@pytest.mark.parametrize(
+    ("override", "fault"),
+    [
+        ('contacts.main.direction="uy"', "expected [0.0, 0.8192, 0.5736]. The roller moves perpendicular to its arm"),
+        ("cams.main.follower.arm=120mm", "follower.arm (--set cams.main.follower.arm=120mm): got 120 mm, expected 130"),
+        ('cams.main.follower.rotation="clockwise"', "got clockwise, expected counterclockwise. Pivot, about which"),
+    ],
+)
+def test_arm_on_a_shaft_must_agree_with_its_nodes(override, fault):
+    """The supports of the shaft are on the axis of the pivot, and do not hide it."""
+    with pytest.raises(InputError) as refusal:
+        prepare(flexcam.read_case(Path(__file__).with_name("arm.toml"), [override]))
+    assert fault in str(refusal.value)
+
+
+def test_pivot_and_roller_away_from_their_places_are_reported():
+    case = flexcam.read_case(Path(__file__).with_name("arm.toml"), ['nodes.cam=["0 mm", "0 mm", "-30 mm"]'])
+    warnings = [one for one in check_input(prepare(case)) if "cam centre" in one]
+    assert [re.search(r"is ([\d.]+) mm from .* should be ([\d.]+) mm", one).groups() for one in warnings] == [
+        ("220", "190"),
+        ("135.8", "112"),
+    ]
 
 
 def test_result_file_contains_warnings(tmp_path):

@@ -185,6 +185,22 @@ def test_effective_mass_of_train_with_rocker(flexcam, case):
     assert found["effective_masses"][1][1] == pytest.approx(expected, rel=3e-3)
 
 
+def test_effective_mass_includes_the_mass_at_supports(flexcam, tmp_path):
+    """One linear element of a rod: M = m/6 [[2, 1], [1, 2]], so that (m/3 + m/6)^2/(m/3) = 3/4 m moves along it."""
+    case = tmp_path / "rod.toml"
+    case.write_text("""
+format = 1
+nodes = { base = [0, 0, 0], tip = [0.3, 0, 0] }
+materials.steel = { E = 207e9, nu = 0.29, density = 7800 }
+sections.bar = { shape = "custom", A = 1e-4, Iy = 1e-9, Iz = 1e-9, J = 2e-9 }
+members.rod = { nodes = ["base", "tip"], elements = 1, material = "steel", section = "bar" }
+supports.base = ["ux", "uy", "uz", "rx", "ry", "rz"]
+run = { speed = "100 rpm" }
+""", encoding="utf-8")  # fmt: skip
+    masses = np.array(flexcam("modes", case, "--json").json["effective_masses"])
+    assert masses[:, 0].max() == pytest.approx(0.75 * 7800.0 * 1e-4 * 0.3)
+
+
 def test_oblique_member_has_local_bending_planes(flexcam):
     case = flexcam("new", "pushrod-engine", "--json").json["files"][0]
     inclined = 'nodes.pushrod-top=["150 mm", "274 mm", "0 mm"]'

@@ -161,6 +161,46 @@ def test_loads_without_effect_give_warnings():
     assert [sentence.split(":")[1].strip() for sentence in warned] == ["loads.lost", "loads.borne"]
 
 
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ('masses.lobe={ at = "cam", mass = 0.1, offset = ["0 mm", "3 mm", "4 mm"] }', "is 5 mm off the axis"),
+        (
+            'masses.lobe={ at = "cam", mass = 0.1, inertia = [4e-4, 3e-4, 2e-4] }',
+            "transverse moments of inertia differ",
+        ),
+        ('masses.lobe={ at = "cam", mass = 0.1, offset = ["3 mm", 0, 0], inertia = [4e-4, 3e-4, 3e-4] }', ""),
+    ],
+)
+def test_body_that_turns_with_a_shaft_gives_warning(override, words):
+    warned = [one for one in check_input(prepare(read_case(PUSHROD, [override]))) if "keeps its orientation" in one]
+    assert len(warned) == bool(words)
+    assert all(words in one for one in warned)
+
+
+def test_drag_about_a_rotating_shaft_is_refused():
+    """The rotations of a shaft are relative to its drive: drag against ground would have no speed."""
+    with pytest.raises(InputError, match=r"friction\.seal\.direction.*got the axis of the shaft of cam 'intake'"):
+        prepare(read_case(PUSHROD, ['friction.seal={ at = "rear", direction = "rx", force = 0.5 }']))
+    prepare(read_case(PUSHROD, ['friction.seal={ at = "pushrod-top", direction = "uy", force = 0.5 }']))
+
+
+def test_roller_away_from_its_offset_gives_warning():
+    offset = "cams.intake.follower.offset=6 mm"
+    (warning,) = check_lobes(build_model(read_case(ROLLER, [offset])))
+    assert "is at 0 mm along [0.0, 0.0, -1.0] from the cam centre, but should be at 6 mm" in warning
+    moved = 'nodes.tappet=["120 mm", "26.3 mm", "-6 mm"]'
+    assert not check_lobes(build_model(read_case(ROLLER, [offset, moved, "contacts.intake.direction=uy"])))
+
+
+def test_adjuster_without_seat_gives_warning(tmp_path):
+    text = (ROOT / "cases/direct-acting/finger.toml").read_text(encoding="utf-8")
+    start = text.index("\nseat = ")
+    (tmp_path / "finger.toml").write_text(text[:start] + text[text.index("\n", start + 1) :], encoding="utf-8")
+    warned = check_input(prepare(read_case(tmp_path / "finger.toml", ["run.start=equilibrium"])))
+    assert any("always sinks: without a seat" in one for one in warned)
+
+
 def test_unconnected_member_gives_warning(tmp_path, tried):
     alone = 'alone = { nodes = ["a", "b"], material = "steel", section = "tube" }\n[supports]'
     text = CASE.read_text(encoding="utf-8").replace("[supports]", alone)

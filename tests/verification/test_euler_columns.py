@@ -165,3 +165,29 @@ def test_too_few_elements_for_geometric_stiffness_cause_warning(tmp_path, suppor
     plain = tmp_path / "plain.toml"
     plain.write_text(text.replace("elements = 8", f"elements = {elements}"), encoding="utf-8")
     assert not any("too few elements" in one for one in check_input(prepare(read_case(plain))))
+
+
+@pytest.mark.parametrize("held", [("tip.uy", "tip.uz"), ("tip.uy", "tip.uz", "middle.uy", "middle.uz")])
+def test_springs_to_ground_guide_a_member_as_supports_do(held, tmp_path):
+    """The base is clamped; springs of 1 GN/m hold the same components as supports."""
+    text = """
+format = 1
+nodes = { base = [0, 0, 0], middle = [0.15, 0, 0], tip = [0.3, 0, 0] }
+materials.steel = { E = 207e9, nu = 0.29, density = 7800 }
+sections.tube = { shape = "tube", outer_diameter = "8 mm", inner_diameter = "5 mm" }
+members.rod = { nodes = ["base", "middle", "tip"], elements = 4, material = "steel", section = "tube" }
+run = { speed = "100 rpm" }
+supports.base = ["ux", "uy", "uz", "rx", "ry", "rz"]
+"""
+    guides = {point: [each[-2:] for each in held if each.startswith(point)] for point in ("middle", "tip")}
+    supports = "".join(f"supports.{point} = {parts}\n" for point, parts in guides.items() if parts).replace("'", '"')
+    springs = "".join(
+        f'springs.{each.replace(".", "-")} = {{ at = "{each[:-3]}", direction = "{each[-2:]}", stiffness = 1e9 }}\n'
+        for each in held
+    )
+    loads = []
+    for more in (supports, springs):
+        (tmp_path / "rod.toml").write_text(text + more, encoding="utf-8")
+        loads.append(buckling_load(build_structure(build_model(read_case(tmp_path / "rod.toml"))), "rod"))
+    assert loads[1] == pytest.approx(loads[0], rel=1e-3)  # the springs give way by 1e-4
+    assert loads[0] > 1.9 * math.pi**2 * 207e9 * math.pi / 64.0 * (8e-3**4 - 5e-3**4) / 0.09
