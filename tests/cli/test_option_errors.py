@@ -78,7 +78,7 @@ REFUSED = {
     "no cam": (("cam",), "or --from-profile FILE"),
     "only cams": (("limits", CAM), "expected a complete case. It has only cams. Give a complete case"),
     "a limit without a map": (
-        ("limits", ENGINE, "--limit", "float"), "--limit: got an incomplete map, expected both --over and --and",
+        ("limits", ENGINE, "--limit", "float"), "--limit: got no map, expected --over KEY=START:STOP:STEPunit",
     ),
     "a misspelt result": (
         ("sensitivity", INLINE, "--of", "contacts.intake.force", "--to", STIFF),

@@ -79,9 +79,9 @@ def test_spring_surge_resonance_has_low_force(flexcam):
 
 @pytest.mark.slow
 def test_engine_with_impacts_has_verdict_chatter(flexcam):
-    """Contacts chatter after the ramps at 2000 rpm: the force of two revolutions differs by a few per cent."""
-    output = flexcam("stability", ENGINE, "--set", "run.crank_speed=2000rpm", *QUICK).out
-    assert re.search(r"verdict +chatter:", output)
+    """Contacts chatter after the ramps at 2000 rpm; too coarse steps find no periodic motion."""
+    output = flexcam("stability", ENGINE, "--set", "run.crank_speed=2000rpm").out
+    assert re.search(r"verdict +chatter", output)
     assert re.search(r"has \d+ impacts, which amplify small disturbances \S+ times", " ".join(output.split()))
 
 
