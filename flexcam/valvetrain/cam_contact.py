@@ -128,8 +128,9 @@ def check_arm(structure: Structure, contact: CamContact, cam: Cam, where: str) -
     given, why = f"{1e3 * follower.arm:g} mm", "the cam's profile is made for the path of the finger"
     if finger is not None:
         if abs(follower.arm - finger.arms[0]) > _LENGTH_TOLERANCE * finger.arms[0]:
-            allowed = f"{1e3 * finger.arms[0]:g} mm, that of the rocker"
-            raise refuse(f"{key}.arm", given, allowed, why, f"see {where}")
+            name = next(name for name, rocker in structure.model.rockers.items() if rocker is finger)
+            allowed = f"{1e3 * finger.arms[0]:g} mm, that of rockers.{name}.arms"
+            raise refuse(f"{key}.arm", given, allowed, why, "correct one of the two")
         return
     mesh = structure.model.mesh
     for pivot in find_pivot(structure, contact):
@@ -144,8 +145,9 @@ def check_arm(structure: Structure, contact: CamContact, cam: Cam, where: str) -
             raise refuse(f"{key}.rotation", given, allowed, why, f"or turn the cam, see {where}")
         if isinstance(follower, SwingRollerFollower) and length - abs(normal) > 0.5 * _ARM_TOLERANCE**2 * length:
             arm = mesh.nodes[mesh.node(contact.follower)] - mesh.nodes[pivot]
-            lift = np.cross(contact.shaft_axis, arm) * math.copysign(1.0, -normal * cam.turn)
-            allowed = f"{[round(float(x), 4) + 0.0 for x in lift / np.linalg.norm(lift)]}"
+            lift = np.cross(contact.shaft_axis, arm)
+            lift *= math.copysign(1.0, float(lift @ contact.direction[:3])) / np.linalg.norm(lift)
+            allowed = f"{[round(float(x), 4) + 0.0 for x in lift]}"
             why = f"the roller moves perpendicular to its arm from {name}"
             given = f"{[round(float(x), 4) + 0.0 for x in contact.direction[:3]]}"
             raise refuse(f"{where}.direction", given, allowed, why)

@@ -260,7 +260,7 @@ def test_damping_of_arms_is_in_energy_balance(record, pushrod_case):
 
 
 def test_profile_for_another_arm_raises_error(finger_case):
-    with pytest.raises(InputError, match="that of the rocker"):
+    with pytest.raises(InputError, match="that of rockers"):
         run(finger_case((0.1, -0.15), cam=SWINGING_ROLLER.replace('arm = "30 mm"', 'arm = "28 mm"')))
 
 
