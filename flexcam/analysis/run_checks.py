@@ -207,23 +207,24 @@ def _check_follower_nodes(model: Model) -> Iterator[str]:
             away, width = (format_quantity("m", size) for size in (distance, cam.width))
             place = f"node {part.follower} is {away} from the cam along the shaft, and the cam is {width} wide"
             yield f"Warning: contacts.{name}: {place}; check both nodes"
-        zero, across = np.zeros(1), np.linalg.norm(np.cross(node - centre, part.shaft_axis))
+        zero = np.zeros(1)
         if isinstance(follower, SwingRollerFollower | SwingFlatFollower):
             yield from _check_pivot(model, name, part, follower.distance)
         if isinstance(follower, SwingRollerFollower):
-            place, height, expected = "", float(across), follower.base_radius + follower.roller_radius
+            place, height = "", float(np.linalg.norm(np.cross(node - centre, part.shaft_axis)))
+            expected = follower.base_radius + follower.roller_radius
         elif isinstance(follower, FlatFollower | RollerFollower):
             place, height = "in the lift direction, ", float((node - centre) @ part.direction[:3])
             expected = float(follower.contact(zero, zero, zero, cam.turn).trace.imag[0])
         else:
             continue
         if isinstance(follower, RollerFollower):
-            across = cam.turn * float((node - centre) @ part.across[:3])
-            aside = float(follower.contact(zero, zero, zero, cam.turn).trace.real[0])
-            if abs(across - aside) > _MAX_FOLLOWER_OFFSET * expected:
-                side = [round(float(x), 4) + 0.0 for x in cam.turn * part.across[:3]]
-                at = f"its node is at {1e3 * across:.4g} mm along {side} from the cam centre"
-                yield f"Warning: contacts.{name}: {at}, but should be at {1e3 * aside:.4g} mm by follower.offset"
+            side = cam.turn * part.across[:3]
+            aside, offset = float((node - centre) @ side), follower.offset
+            if abs(aside - offset) > _MAX_FOLLOWER_OFFSET * expected:
+                at = f"its node is at {1e3 * aside:.4g} mm along {[round(float(x), 4) + 0.0 for x in side]}"
+                should = f"should be at {1e3 * offset:.4g} mm by follower.offset"
+                yield f"Warning: contacts.{name}: {at} from the cam centre, but {should}"
         if abs(height - expected) > _MAX_FOLLOWER_OFFSET * expected:
             place += f"the node of follower {part.follower!r} is {1e3 * height:.4g} mm"
             source = "base_radius" if isinstance(follower, FlatFollower) else "base_radius and the roller"

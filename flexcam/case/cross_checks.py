@@ -21,7 +21,7 @@ from flexcam.core.errors import NAME, Fault, InputError, suggest_name
 from flexcam.core.units import parse
 from flexcam.fem.dofs import component, default_orientation, triads
 from flexcam.fem.mesh import Mesh
-from flexcam.valvetrain import Adjuster, Lash, Model, rocker_of
+from flexcam.valvetrain import Adjuster, Lash, Model, rocker_of, shaft_axes
 
 Table = Mapping[str, Any]
 
@@ -303,6 +303,7 @@ def _link_faults(record: CaseRecord, places: KeyLocations) -> Iterator[Fault]:
 
 # Allowed relative difference of the stiffnesses in two directions; chosen, as published properties are rounded.
 _ROUNDNESS_TOLERANCE = 0.01
+_PARALLEL = 1e-6  # smallest component of a direction along an axis that is no rounding
 
 
 def model_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
@@ -338,14 +339,13 @@ def _unsymmetric_shaft_faults(places: KeyLocations, model: Model) -> Iterator[Fa
 
 def _drag_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
     """Yield frictions to ground about the axis of a rotating shaft."""
-    for cam, axis in {contact.cam: contact.shaft_axis for contact in model.cam_contacts.values()}.items():
-        shaft = model.mesh.connected_nodes(model.mesh.node(model.cams[cam].at), turning=True)
-        for name, friction in model.friction.items():
-            at = model.mesh.points.get(friction.at, shaft[:0])
-            if friction.to is None and np.isin(at, shaft).any() and float(friction.direction[3:] @ axis) != 0.0:
-                given, why = f"the axis of the shaft of cam {cam!r}", "rotations of a shaft are relative to its drive"
-                allowed, remedy = "a direction that does not rotate", "leave it out, and add it to the drive torque"
-                yield Fault(places.place(("friction", name, "direction")), given, allowed, why, remedy)
+    axes = shaft_axes(model)
+    for name, friction in model.friction.items():
+        nodes = model.mesh.points.get(friction.at, ()) if friction.to is None else ()
+        if any(abs(float(friction.direction[3:] @ axes[node])) > _PARALLEL for node in nodes if node in axes):
+            given, why = "the axis of a rotating shaft", "rotations of a shaft are relative to its drive"
+            allowed, remedy = "a direction that does not rotate", "leave it out, and add it to the drive torque"
+            yield Fault(places.place(("friction", name, "direction")), given, allowed, why, remedy)
 
 
 def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:

@@ -337,6 +337,10 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
     contacts = {name: c for name, c in model.contacts.items() if isinstance(c, CamContact) and c.unilateral}
     seats = [name for name, contact in model.contacts.items() if isinstance(contact, Seat)]
     lashes = [] if seats else _cam_lashes(model)
+    adjusters = [name for name, part in model.contacts.items() if isinstance(part, Adjuster)]
+    for name in adjusters if contacts and not seats else ():
+        why = "the adjuster always sinks: without a seat the spring force goes through it on the base circle as well"
+        yield f"Warning: contacts.{name}: {why}; add the seat of the valve, such as [contacts.seat]"
     if not (contacts or seats or lashes) or problem.system.is_kinematic or problem.system.size > _MAX_DOFS:
         return
     try:
@@ -378,10 +382,6 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
         if float(first.channels[f"contacts.{name}.force"][0]) > 0.0:
             why = "the lash stays closed: without a seat the spring force always goes through the cam"
             yield f"Warning: contacts.{name}: {why}; add the seat of the valve, such as [contacts.seat]"
-    adjusters = [name for name, part in model.contacts.items() if isinstance(part, Adjuster)]
-    for name in adjusters if contacts and not seats else ():
-        why = "the adjuster always sinks: without a seat the spring force goes through it on the base circle as well"
-        yield f"Warning: contacts.{name}: {why}; add the seat of the valve, such as [contacts.seat]"
 
 
 def _cam_lashes(model: Model) -> list[str]:
@@ -505,9 +505,6 @@ def check_coil_bind(model: Model, speed: float) -> list[str]:
     return warnings
 
 
-_UNEQUAL = 0.01  # difference of transverse moments of inertia, relative to their sum, from which it is reported
-
-
 # Crank angle of lift above a tenth of its maximum from which cam angles of a valve may be crank angles, rad.
 _MAX_OPENING = math.radians(400.0)
 
@@ -553,20 +550,28 @@ def _check_lash(model: Model) -> Iterator[str]:
 
 def _check_rotating_masses(model: Model) -> Iterator[str]:
     """Yield warnings about bodies whose inertia forces change with the rotation of their shaft, which are missing."""
-    for cam, axis in {contact.cam: contact.shaft_axis for contact in model.cam_contacts.values()}.items():
-        shaft = model.mesh.connected_nodes(model.mesh.node(model.cams[cam].at), turning=True)
-        across = np.linalg.svd(axis[None])[2][1:].T
-        for name, mass in model.masses.items():
-            if not np.isin(model.mesh.points.get(mass.at, shaft[:0]), shaft).any():
-                continue
-            moments, size = across.T @ mass.body.tensor @ across, float(np.trace(mass.body.tensor))
-            offset = float(np.linalg.norm(np.array(mass.body.offset) @ across))
-            why = f"the shaft of cam {cam!r} turns, and the body keeps its orientation in flexcam"
-            if offset > 0.0:
-                what = f"its centre is {1e3 * offset:.3g} mm off the axis"
-                yield f"Warning: masses.{name}: {what}, but {why}: it causes no centrifugal force"
-            elif np.ptp(np.linalg.eigvalsh(moments)) > _UNEQUAL * size:
-                yield f"Warning: masses.{name}: its transverse moments of inertia differ, but {why}; use their mean"
+    mesh, contacts = model.mesh, {contact.cam: contact for contact in model.cam_contacts.values()}
+    places = {cam: mesh.node(model.cams[cam].at) for cam in contacts}
+    for name, mass in model.masses.items():
+        nodes = mesh.points.get(mass.at, np.zeros(0, dtype=int))
+        turning = (cam for cam, at in places.items() if np.isin(nodes, mesh.connected_nodes(at, turning=True)).any())
+        if (cam := next(turning, None)) is None:
+            continue
+        across = np.linalg.svd(contacts[cam].shaft_axis[None])[2][1:].T
+        centre = mesh.nodes[nodes[0]] + np.array(mass.body.offset) - mesh.nodes[places[cam]]
+        offset = float(np.linalg.norm(centre @ across))
+        moments = np.linalg.eigvalsh(across.T @ mass.body.tensor @ across)
+        why = f"the shaft of cam {cam!r} turns, and the body keeps its orientation in flexcam"
+        if offset > _OFF_AXIS:
+            what = f"its centre is {1e3 * offset:.3g} mm off the axis"
+            yield f"Warning: masses.{name}: {what}, but {why}: it causes no centrifugal force"
+        elif float(np.ptp(moments)) > _UNEQUAL * float(moments.sum()):
+            yield f"Warning: masses.{name}: its transverse moments of inertia differ, but {why}; use their mean"
+
+
+# Distance of a body from the axis of its shaft, m, and difference of its transverse moments of inertia, relative to
+# their sum, from which they are reported.
+_OFF_AXIS, _UNEQUAL = 1e-6, 0.005
 
 
 def _check_drives(model: Model) -> Iterator[str]:

@@ -258,7 +258,7 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     if comparison.residual is not None:
         factor, unit = to_display_unit(comparison.deviations[0].unit)
         amplitude = f"{factor * comparison.residual:.3g} {unit}"
-        words.append(f"Residual vibration: in a dwell {of_other} its amplitude is up to {amplitude}.")
+        words.append(f"Residual vibration, or motion by changing loads, in a dwell {of_other}: up to ±{amplitude}.")
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
         speed, share = f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm", comparison.speed_rpm / (60.0 * mode_hz)

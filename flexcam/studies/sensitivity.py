@@ -225,16 +225,19 @@ def _exact_sensitivities(
 ) -> Iterator[Sensitivity]:
     gradient = compute_gradient(case, names, numbers)
     warning = f"no derivative: {gradient.warning}; --method differences shows what remains" if gradient.warning else ""
-    changes = {} if warning else _joint_changes(file, fixed, case, names, numbers)
+    derived = [
+        n for n in numbers if not any(math.isnan(gradient.derivatives.get((name, n.key), 0.0)) for name in names)
+    ]
+    changes = {} if warning else _joint_changes(file, fixed, case, names, derived)
     for name in names:
         if name not in gradient.values:
             raise refuse("--of", name, "a result that this run has", "the run did not give it")
         metric, doubt = gradient.values[name], ""
-        parts = [_JOINT_STEP * abs(n.value) * gradient.derivatives[name, n.key] for n in numbers] if not warning else []
+        parts = [] if warning else [_JOINT_STEP * abs(n.value) * gradient.derivatives[name, n.key] for n in derived]
         size, change = float(np.abs(parts).sum()), changes.get(name, math.nan)
         if abs(change - sum(parts)) > _JOINT_ERROR * size + _JOINT_NOISE * abs(metric.value):
-            joint = f"half the change from {-_JOINT_STEP:.1%} to {_JOINT_STEP:+.1%} of all numbers is {change:.3g}"
-            doubt = f"not smooth here: {joint} {metric.unit}, by the derivatives {sum(parts):.3g}"
+            joint = f"{100.0 * _JOINT_STEP:g} % more of all numbers changes it by {change:.3g} {metric.unit}"
+            doubt = f"not smooth here: {joint}, and its derivatives predict {sum(parts):.3g}"
             doubt += "; use --method differences, or more steps per revolution"
         for number in numbers:
             slope = math.nan if warning else gradient.derivatives[name, number.key]

@@ -5,7 +5,7 @@ contact is a function in `contacts`.
 """
 
 from flexcam.valvetrain.cam_contact import find_pivot, hertz_line
-from flexcam.valvetrain.camshaft import free_running, free_speed, undriven_shafts
+from flexcam.valvetrain.camshaft import free_running, free_speed, shaft_axes, undriven_shafts
 from flexcam.valvetrain.mass_chain import Chain, build_chain, straighten, without_compression
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.modes import (
@@ -96,7 +96,7 @@ __all__ = [
     "free_running", "free_speed", "hertz_line", "largest_lashes", "lift_transfer", "main_lift", "member_masses",
     "modal_basis", "model_modes", "modes_on_the_lift", "nest_interference", "omit_coil_stops", "opposed_contacts",
     "pulling_contacts", "radial_stiffness", "rigid_motion", "rocker_of", "seating", "separation", "separation_by_flank",
-    "share_ends", "shared_forces", "spring_held_contacts", "stiff_struts", "straighten", "touching_coils",
+    "shaft_axes", "share_ends", "shared_forces", "spring_held_contacts", "stiff_struts", "straighten", "touching_coils",
     "train_metric_names", "train_metrics", "undriven_shafts", "valve_loft", "valve_ratio", "valve_seating",
     "without_compression",
 ]  # fmt: skip

@@ -150,7 +150,7 @@ def check_arm(structure: Structure, contact: CamContact, cam: Cam, where: str) -
             allowed = f"{[round(float(x), 4) + 0.0 for x in lift]}"
             why = f"the roller moves perpendicular to its arm from {name}"
             given = f"{[round(float(x), 4) + 0.0 for x in contact.direction[:3]]}"
-            raise refuse(f"{where}.direction", given, allowed, why)
+            raise refuse(f"{where}.direction", given, allowed, why, "correct it, or the nodes")
 
 
 def find_pivot(structure: Structure, contact: CamContact) -> list[int]:

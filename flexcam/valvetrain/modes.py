@@ -115,14 +115,13 @@ def _base_inertia(structure: Structure) -> FloatArray:
     points translate.
     """
     whole = build_structure(replace(structure.model, supports={}))
-    places = {name: i for i, name in enumerate(whole.dofs.names)}
-    moved = [whole.mass.times(whole.dofs.rigid_motion(whole.model.mesh, unit)) for unit in np.eye(6)]
-    forces = np.array(moved).T[[places[name] for name in structure.dofs.names]]
-    motions = [structure.dofs.rigid_motion(structure.model.mesh, unit) for unit in np.eye(6)]
-    for inertia in (inertia for parts in scalar_inertias(structure).values() for inertia in parts):
+    motions = [whole.dofs.rigid_motion(whole.model.mesh, unit) for unit in np.eye(6)]
+    forces = np.array([whole.mass.times(motion) for motion in motions]).T
+    for inertia in (inertia for parts in scalar_inertias(whole).values() for inertia in parts):
         for axis, component in enumerate(inertia.direction.tolist()):
             forces[:, axis] += inertia.mass * inertia.row * (component - float(inertia.row @ motions[axis]))
-    return forces
+    places = {name: i for i, name in enumerate(whole.dofs.names)}
+    return forces[[places[name] for name in structure.dofs.names]]
 
 
 def _unstressed_motions(free: FloatArray, geometric: Triplets, stiffness: Triplets) -> FloatArray:

@@ -31,8 +31,8 @@ def buckling_load(structure: Structure, member: str) -> float:
 
     The lowest P of ``K + P Kg(-1)`` over the member's own elements, with the supports of its nodes and the springs and
     bearings from them to ground. Other members are neglected, so that a pushrod between guides has Euler's load. Ends
-    that these leave free are hinged. Elements are divided if fewer than four lie between supports, as a single one is
-    up to 50 % too stiff.
+    that the supports leave free are hinged. Elements are divided if fewer than four lie between supports, as a single
+    one is up to 50 % too stiff.
     """
     load = _lowest_load(structure.model, member, 1)
     if math.isinf(load) or (parts := _parts(structure.model, member)) == 1:
@@ -63,8 +63,7 @@ _EXCESS_LIMIT = 0.05  # relative excess of the buckling load to report: two elem
 def _lowest_load(model: Model, name: str, parts: int) -> float:
     """Return the buckling load of a member of divided elements."""
     member, dofs, guides = _divide(model, name, parts)
-    K = Triplets.sum([stiffness(member, dofs), guides])
-    G = geometric(member, np.full(len(member), -1.0), dofs)
+    K, G = stiffness(member, dofs), geometric(member, np.full(len(member), -1.0), dofs)
     numbers = dofs.numbers[np.unique(member.nodes)]
     used = np.unique(numbers[numbers >= 0])
     K, softening = K.part(used), -G.part(used).dense()
@@ -73,8 +72,9 @@ def _lowest_load(model: Model, name: str, parts: int) -> float:
     if not len(remaining):
         return math.inf
     ends = np.isin(used, dofs.numbers[[member.nodes[0, 0], member.nodes[-1, 1]], :3])
-    hinged = _hinge_free_ends(softening, free, ends)[np.ix_(remaining, remaining)]
-    root = np.linalg.cholesky(K.part(remaining).dense())
+    P = _motions_with_hinged_ends(free, ends)[:, remaining]
+    hinged, held = P.T @ softening @ P, P.T @ guides.part(used).multiply(P)
+    root = np.linalg.cholesky(K.part(remaining).dense() + held)
     scaled = np.linalg.solve(root, np.linalg.solve(root, hinged).T)
     largest = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)).max())
     return 1.0 / largest if largest > 1e-12 * float(np.abs(scaled).max(initial=1.0)) else math.inf
@@ -116,15 +116,14 @@ def _divide(model: Model, member: str, parts: int) -> tuple[Beams, DofMap, Tripl
     return build_beams(mesh, model.members), dofs, Triplets.from_dense(guides.T @ guides)
 
 
-def _hinge_free_ends(matrix: FloatArray, free: FloatArray, ends: NDArray[np.bool_]) -> FloatArray:
-    """Return a geometric stiffness in which free motions are added such that the ends stay in place.
+def _motions_with_hinged_ends(free: FloatArray, ends: NDArray[np.bool_]) -> FloatArray:
+    """Return the motions to which free ones are added such that the ends stay in place, shape (n, n).
 
     A free motion has no strain energy, so it can be chosen to minimize the motion of the ends. Twist does not move the
     ends; the pseudo-inverse omits it.
     """
     tips = free * ends[:, None]
-    P = np.eye(len(free)) - free @ np.linalg.pinv(free.T @ tips, rcond=_MOTION_TOLERANCE, hermitian=True) @ tips.T
-    return P.T @ matrix @ P
+    return np.eye(len(free)) - free @ np.linalg.pinv(free.T @ tips, rcond=_MOTION_TOLERANCE, hermitian=True) @ tips.T
 
 
 _MOTION_TOLERANCE = 1e-14  # relative square of the ends' motion that counts as zero

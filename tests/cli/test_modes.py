@@ -201,6 +201,24 @@ run = { speed = "100 rpm" }
     assert masses[:, 0].max() == pytest.approx(0.75 * 7800.0 * 1e-4 * 0.3)
 
 
+def test_effective_mass_of_spring_to_ground_or_to_support(flexcam, tmp_path):
+    """A spring with mass that ends at a supported node is the same as one to ground."""
+    case, found = tmp_path / "spring.toml", []
+    for end in ("", 'to = "wall", '):
+        case.write_text(f"""
+format = 1
+nodes = {{ wall = [0, 0, 0], tip = [0.1, 0, 0] }}
+masses.tip = {{ at = "tip", mass = 0.5 }}
+masses.wall = {{ at = "wall", mass = 0.5 }}
+springs.one = {{ at = "tip", {end}direction = "ux", stiffness = 1e4, mass = 1.0, elements = 8 }}
+supports = {{ wall = ["ux", "uy", "uz", "rx", "ry", "rz"], tip = ["uy", "uz"] }}
+run = {{ speed = "100 rpm" }}
+""", encoding="utf-8")  # fmt: skip
+        found.append(np.array(flexcam("modes", case, "--json").json["effective_masses"])[:, 0])
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-9, atol=1e-12)
+    assert found[0].sum() < 1.5
+
+
 def test_oblique_member_has_local_bending_planes(flexcam):
     case = flexcam("new", "pushrod-engine", "--json").json["files"][0]
     inclined = 'nodes.pushrod-top=["150 mm", "274 mm", "0 mm"]'

@@ -178,9 +178,18 @@ def test_body_that_turns_with_a_shaft_gives_warning(override, words):
     assert all(words in one for one in warned)
 
 
+def test_part_on_a_shaft_of_many_cams_gives_one_message():
+    engine = ROOT / "cases/camshaft-4cyl/camshaft.toml"
+    body = 'masses.wheel={ at = "sprocket", mass = 0.1, offset = [0, "2 mm", 0] }'
+    assert len([one for one in check_input(prepare(read_case(engine, [body]))) if "keeps its orientation" in one]) == 1
+    with pytest.raises(InputError) as refusal:
+        build_model(read_case(engine, ['friction.seal={ at = "sprocket", direction = "rx", force = 0.5 }']))
+    assert len(refusal.value.faults) == 1
+
+
 def test_drag_about_a_rotating_shaft_is_refused():
     """The rotations of a shaft are relative to its drive: drag against ground would have no speed."""
-    with pytest.raises(InputError, match=r"friction\.seal\.direction.*got the axis of the shaft of cam 'intake'"):
+    with pytest.raises(InputError, match=r"friction\.seal\.direction.*got the axis of a rotating shaft"):
         prepare(read_case(PUSHROD, ['friction.seal={ at = "rear", direction = "rx", force = 0.5 }']))
     prepare(read_case(PUSHROD, ['friction.seal={ at = "pushrod-top", direction = "uy", force = 0.5 }']))
 

@@ -198,7 +198,6 @@ def test_parallel_processes_write_into_one_folder(tried, tmp_path):
 
 LOCK_AND_EXIT = """
 import os, sys
-from dataclasses import replace
 from pathlib import Path
 from flexcam.io import open_with_lock
 open_with_lock(Path(sys.argv[1]))

@@ -191,3 +191,18 @@ supports.base = ["ux", "uy", "uz", "rx", "ry", "rz"]
         loads.append(buckling_load(build_structure(build_model(read_case(tmp_path / "rod.toml"))), "rod"))
     assert loads[1] == pytest.approx(loads[0], rel=1e-3)  # the springs give way by 1e-4
     assert loads[0] > 1.9 * math.pi**2 * 207e9 * math.pi / 64.0 * (8e-3**4 - 5e-3**4) / 0.09
+
+
+def test_soft_spring_at_hinged_end_does_not_lower_buckling_load():
+    """The rocker guides the end of the pushrod along z; a centring spring there is no guide."""
+    template = "flexcam/templates/pushrod-engine.toml"
+    free = 'supports.pushrod-top=["ux"]', 'supports.tappet=["ux", "uz", "ry"]'
+
+    def load(*more):
+        return buckling_load(build_structure(build_model(read_case(template, [*free, *more]))), "pushrod")
+
+    alone = load()
+    for direction, stiffness in (("uz", 1e-6), ("uz", 1e3), ("rx", 1.0)):
+        spring = f'springs.centre={{ at = "pushrod-top", direction = "{direction}", stiffness = {stiffness} }}'
+        assert load(spring) == pytest.approx(alone, rel=0.02)
+        assert load(spring) > alone * (1.0 - 1e-9)
