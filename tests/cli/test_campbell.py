@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam import read_case
+from flexcam import read_case, run
 from flexcam.analysis.natural_modes import campbell
+from flexcam.analysis.orders import last_revolution_orders
 from flexcam.cli.modes import modes_over_speed
 from flexcam.dynamics import NOT_POSITIVE, RunFailedError
 from flexcam.plotting.spectra import campbell_figure
@@ -256,3 +257,16 @@ def test_shaft_in_open_backlash_has_no_modes(flexcam):
     done = flexcam("campbell", case, *speeds, "--json")
     assert done.code == 3
     assert done.json["ended"] == ["singular", "singular"]
+
+
+def test_force_at_crossing_is_that_of_its_order(flexcam):
+    settings = ["run.revolutions=1", "run.steps_per_revolution=360"]
+    options = ("--lowest", "4900rpm", "--highest", "5100rpm", "--count", "2", "--orders", "9:12")
+    overrides = (word for setting in settings for word in ("--set", setting))
+    found = flexcam("campbell", ENGINE, *options, *overrides, "--json").json["crossings"]
+    assert found
+    for crossing in found:
+        response = run(read_case(ENGINE, [*settings, f"run.crank_speed={crossing['rpm']!r} rpm"]))
+        force, order = response.channels["contacts.intake.force"], crossing["harmonic"]
+        expected = last_revolution_orders(response, force, order).amplitudes[order]
+        assert crossing["load"] == pytest.approx(expected, rel=1e-6)

@@ -30,6 +30,7 @@ def run_problem(ready, **options):
 def pair():
     """Return a run in complete memory, and the same run with summary memory and its extremes."""
     ready = prepare_case(4)
+    ready = replace(ready, save=replace(ready.save, fields_per_block=32))
     few = summary_sink(ready)
     seen = ExtremesSink(few.outline)
     return ready, run_problem(ready), run_problem(ready, memory=few, sinks=[seen]), seen
