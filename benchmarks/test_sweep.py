@@ -7,4 +7,4 @@ from benchmarks.measure.sweep import measure_table
 
 def test_speeds(benchmark):
     found = benchmark(measure_table, 3)
-    assert found["row_ms"] > found["motion_ms"] > 0.0
+    assert min(found["row_ms"], found["motion_ms"], found["probes_ms"], found["command_s"]) > 0.0
