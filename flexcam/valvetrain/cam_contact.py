@@ -40,6 +40,7 @@ from flexcam.valvetrain.cam_functions import (
     lift_polynomials,
     lift_ratio,
     normal_force_ratio,
+    outer_flank,
     pressure_tangent,
     profile_table,
     reach,
@@ -381,10 +382,14 @@ def _profile_channels(structure: Structure, name: str, contact: CamContact, cam:
     on_member = structure.model.mesh.on_members()[find_node(structure.model, cam.at, f"cams.{contact.cam}.at")]
     if cam.width is not None and regular and on_member:
         line = hertz_line(structure, name, contact, cam)
+        flanks = [(1.0, line.radius)]
+        outer = outer_flank(profile_table(cam).radius, follower.roller_radius)
+        if line.rolls and not contact.unilateral and not undercut(outer, follower).any():
+            flanks.append((-1.0, relative_radius(cam, STRAIGHT * line.depth, outer=True)))
 
         def pressure(obs: Observation) -> FloatArray:
-            ratio = cached_profile(cam, obs.cam).touch.reach
-            return line.pressure(obs.forces[:, 0] / ratio, obs.cam(line.radius, 0))
+            force = obs.forces[:, 0] / cached_profile(cam, obs.cam).touch.reach
+            return np.max([line.pressure(sign * force, obs.cam(radius, 0)) for sign, radius in flanks], axis=0)
 
         channels.append(Channel(f"{where}.pressure", "Pa", pressure))
     if not np.isfinite(follower.roller_radius):

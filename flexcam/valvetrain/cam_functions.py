@@ -149,13 +149,22 @@ _sliding_by_reach = _profile_function(
 )
 
 
+def outer_flank(radius: FloatArray, roller: float) -> FloatArray:
+    """Return the radius of curvature of the outer flank of a groove, parallel to the inner one; convex is positive."""
+    return -(radius + 2.0 * roller)
+
+
 @lru_cache(maxsize=64)
-def relative_radius(cam: Cam, most: float) -> AngleFunction:
-    """Return the relative radius of curvature of cam and follower, m, up to a limit, without derivative."""
+def relative_radius(cam: Cam, most: float, *, outer: bool = False) -> AngleFunction:
+    """Return the relative radius of curvature of cam, or outer flank of a groove, and follower, m, up to a limit.
+
+    It has no derivative.
+    """
     roller = cam.follower.roller_radius if cam.follower else np.inf
 
     def radius(profile: CamProfile) -> FloatArray:
-        return 1.0 / np.maximum(1.0 / profile.radius + 1.0 / roller, 1.0 / most)
+        flank = outer_flank(profile.radius, roller) if outer else profile.radius
+        return 1.0 / np.maximum(1.0 / flank + 1.0 / roller, 1.0 / most)
 
     return _OfProfile(cam, radius, lambda profile: np.zeros_like(profile.radius))
 

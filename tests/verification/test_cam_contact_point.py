@@ -208,21 +208,30 @@ def test_hertz_pressure_of_flat_face(record, case, degrees):
 
 
 @pytest.mark.parametrize("degrees", [40.0, 80.0, 135.0])
-def test_hertz_pressure_of_roller(record, case, degrees):
-    """The force along the normal is F/cos(alpha); 1/R = 1/rho + 1/rr, with rho of the pitch curve less rr."""
-    made = case(ROUND.format(0.0), HERTZ, lines=AT_ANGLE)
-    made = read_case(made.path, [f"cams.intake.phase={-degrees} deg"])
+@pytest.mark.parametrize("installed", [INSTALLED, -2000.0])
+def test_hertz_pressure_of_roller(record, case, degrees, installed):
+    """The force along the normal is F/cos(alpha); 1/R = 1/rho + 1/rr, with rho of the pitch curve less rr.
+
+    A force that pulls presses the roller against the outer flank of a groove, whose radius is that of the pitch curve
+    plus rr, concave.
+    """
+    pulls = installed < 0.0
+    made = case(ROUND.format(0.0), LINEAR if pulls else HERTZ, lines=AT_ANGLE)
+    spring = ["springs.valve.direction=-uy", f"springs.valve.installed_force={-installed} N"] if pulls else []
+    made = read_case(made.path, [f"cams.intake.phase={-degrees} deg", *spring])
     response = run(made)
     event = build_model(made).cams["intake"].event
     s, slope, bend = (float(event(np.zeros(1), order)[0]) for order in range(3))
-    force = INSTALLED + SPRING * response["top.uy"].displacement[0]
+    force = installed + SPRING * response["top.uy"].displacement[0]
     H = BASE + ROLLER + s
     pitch = (H**2 + slope**2) ** 1.5 / (H**2 + 2.0 * slope**2 - H * bend)
-    curvature = 1.0 / (pitch - ROLLER) + 1.0 / ROLLER
-    normal = force * math.hypot(1.0, slope / H)
+    curvature = 1.0 / ROLLER - 1.0 / (pitch + ROLLER) if pulls else 1.0 / (pitch - ROLLER) + 1.0 / ROLLER
+    normal = abs(force) * math.hypot(1.0, slope / H)
+    assert (force < 0.0) == pulls
     pressure = math.sqrt(normal / WIDTH * E / (2.0 * (1.0 - NU**2)) / math.pi * curvature)
-    record(source=SOURCE, case=f"roller, {degrees:g} deg into the rise", quantity="largest Hertz pressure",
-           unit="Pa", reference=pressure, computed=float(response.channels["contacts.intake.pressure"][0]),
+    where = f"roller{' in a groove' * pulls}, {degrees:g} deg into the rise"
+    record(source=SOURCE, case=where, quantity="largest Hertz pressure", unit="Pa",
+           reference=pressure, computed=float(response.channels["contacts.intake.pressure"][0]),
            tolerance=1e-6, reason="curvature tabled every 0.05 deg")  # fmt: skip
 
 
