@@ -203,8 +203,6 @@ def prepare(
     """
     kind = "rigid" if rigid else case.record.fidelity.model
     with _all_faults(case):
-        if model is None and near is not None:
-            model = build_model(case, (near.case, near.model))
         model, system, chain = _build_equations(case, model, kind, allow_large=allow_large)
         plain = replace(make_problem(case, model, system), runs=runs)
         if rigid:  # the rigid companion of a flexible run; the engine was requested for the flexible one

@@ -69,7 +69,7 @@ class Check:
 
 _PACKAGES = ("flexcam", "numpy", "scipy", "h5py", "meshio", "pydantic", "matplotlib", "pyvista", "numba")
 _EXTRAS = {
-    "tables": ("pandas", "pyarrow", "xarray"),
+    "tables": ("pandas", "pyarrow"),
     "cluster": ("distributed",),
     "movie": ("imageio", "imageio_ffmpeg"),
     "design": ("pymoo",),

@@ -20,7 +20,6 @@ from flexcam.case.schema.base import Length, Record
 from flexcam.case.schema.cams import FollowerRecord
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
-from flexcam.dynamics import Phaser
 from flexcam.fem.assembly import Member
 from flexcam.fem.dofs import ROTATIONS, default_orientation, direction
 from flexcam.fem.mesh import Mesh, refine
@@ -62,15 +61,13 @@ In = TypeVar("In")
 Out = TypeVar("Out")
 
 
-def build_model(case: Case, similar: tuple[Case, valvetrain.Model] | None = None) -> valvetrain.Model:
+def build_model(case: Case) -> valvetrain.Model:
     """Build the model of a case.
 
     Parameters
     ----------
     case
         Checked case.
-    similar
-        Similar case and its model: equal cams are the same objects, so that their functions are evaluated once.
 
     Returns
     -------
@@ -107,9 +104,11 @@ def build_model(case: Case, similar: tuple[Case, valvetrain.Model] | None = None
             films[name] = bearing
         else:
             elastic |= {f"bearing {name}, {label} direction": spring for label, spring in bearing.items()}
-    phasers: dict[str, Phaser | None] = {cam: phaser.part for phaser in record.phasers.values() for cam in phaser.cams}
-    if similar is not None and similar[0].record.phasers == record.phasers:  # one object for all cams of a shaft
-        phasers = {name: cam.phaser for name, cam in similar[1].cams.items()}
+    phasers = {cam: phaser.part for phaser in record.phasers.values() for cam in phaser.cams}
+    cams = {
+        name: replace(cam.part, event=unique_event(cam.part.event), phaser=phasers.get(name))
+        for name, cam in record.cams.items()
+    }
     model = valvetrain.Model(
         mesh=mesh,
         members={name: geometry.member(member) for name, member in record.members.items()},
@@ -119,7 +118,7 @@ def build_model(case: Case, similar: tuple[Case, valvetrain.Model] | None = None
         masses={name: mass.part for name, mass in record.masses.items()},
         springs={name: spring.part for name, spring in record.springs.items()} | elastic,
         rockers=build_all("rockers", record.rockers, geometry.rocker),
-        cams={name: _cam(case, name, phasers.get(name), similar) for name in record.cams},
+        cams=cams,
         contacts=build_all("contacts", record.contacts, geometry.contact),
         friction=build_all("friction", record.friction, geometry.friction),
         loads={name: load.part for name, load in record.loads.items()},
@@ -132,16 +131,6 @@ def build_model(case: Case, similar: tuple[Case, valvetrain.Model] | None = None
     if faults:
         raise InputError(faults)
     return model
-
-
-def _cam(case: Case, name: str, phaser: Phaser | None, similar: tuple[Case, valvetrain.Model] | None) -> valvetrain.Cam:
-    """Return a cam, that of a similar case if both are equal."""
-    if similar is not None:
-        record, model = similar[0].record, similar[1]
-        if record.cams.get(name) == case.record.cams[name] and record.phasers == case.record.phasers:
-            return model.cams[name]
-    cam = case.record.cams[name].part
-    return replace(cam, event=unique_event(cam.event), phaser=phaser)
 
 
 def _mesh(case: Case) -> Mesh:

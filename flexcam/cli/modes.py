@@ -265,7 +265,7 @@ def campbell(
     )
     speeds = cli.spaced_speeds(lowest, highest, count, read)
     if response:
-        return orders_of_response(read, speeds, select_signals(read, channels, probes), numbers[-1])
+        return _orders_of_response(read, speeds, _select_signals(read, channels, probes), numbers[-1])
     return modes_over_speed(read, speeds, numbers, 8 if modes is None else modes, contact)
 
 
@@ -300,7 +300,9 @@ def modes_over_speed(
     )  # fmt: skip
 
 
-def orders_of_response(case: Case, speeds: list[float], signals: list[Signal], highest_order: int) -> cli.CommandOutput:
+def _orders_of_response(
+    case: Case, speeds: list[float], signals: list[Signal], highest_order: int
+) -> cli.CommandOutput:
     """Run every speed and return the orders of the last revolution."""
     scale = case.turns
     with show_count(len(speeds), "speeds") as advance:
@@ -319,7 +321,7 @@ def orders_of_response(case: Case, speeds: list[float], signals: list[Signal], h
     )  # fmt: skip
 
 
-def select_signals(case: Case, channels: list[str] | None, probes: list[str] | None) -> list[Signal]:
+def _select_signals(case: Case, channels: list[str] | None, probes: list[str] | None) -> list[Signal]:
     """Return the requested histories: by default the acceleration of the valve and the force of the first cam."""
     if channels is None and probes is None:
         driven = next((name for name, contact in case.record.contacts.items() if hasattr(contact, "cam")), None)

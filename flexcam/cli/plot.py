@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from flexcam import plotting
 from flexcam.analysis.cam_analysis import CamFacts, cam_facts, case_cams, cylinders
-from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.orders import run_over_speeds
 from flexcam.analysis.preparation import driven_probe, scalar_probe
@@ -23,10 +22,8 @@ from flexcam.analysis.run import member_strength
 from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.cams import CamProfile, cam_profile, profile_at
 from flexcam.case.builder import build_model
-from flexcam.case.case import Case
 from flexcam.case.input_checks import check_shared_seat_load
 from flexcam.cli import app as cli
-from flexcam.cli.modes import modes_over_speed, orders_of_response, select_signals
 from flexcam.cli.sources import Source, name_sources, open_sources
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
@@ -43,22 +40,20 @@ if TYPE_CHECKING:
 _TABLES = (".h5", ".csv")
 
 FigureKind = Literal[
-    "motion", "force", "torque", "energy", "orbits", "svaj", "profile", "spring", "goodman", "modes", "campbell",
-    "waterfall", "map", "sweep", "work-precision",
+    "motion", "force", "torque", "energy", "orbits", "svaj", "profile", "spring", "goodman", "modes", "map", "sweep",
 ]  # fmt: skip
 _OF_CAMS = ("svaj", "profile")
-_OF_ONE_FILE = ("profile", "spring", "goodman", "modes", "campbell", "waterfall", "work-precision")
+_OF_ONE_FILE = ("profile", "spring", "goodman", "modes")
 # Kinds of figures to which an option applies
 _APPLIES = {
-    "probe": ("motion", "waterfall", "work-precision"),
-    "channel": ("motion", "force", "torque", "profile", "spring", "waterfall", "map"),
+    "probe": ("motion",),
+    "channel": ("motion", "force", "torque", "profile", "spring", "map"),
     "rigid": ("motion", "force", "torque"), "over": ("motion", "force", "torque", "energy"), "cam": _OF_CAMS,
-    "angle": ("profile",), "count": ("modes", "campbell", "waterfall", "map"), "x": ("sweep",), "y": ("sweep",),
+    "angle": ("profile",), "count": ("modes", "map"), "x": ("sweep",), "y": ("sweep",),
     "map": ("sweep",), "set": tuple(kind for kind in get_args(FigureKind) if kind != "sweep"),
-    "units": tuple(kind for kind in get_args(FigureKind) if kind not in ("orbits", "campbell", "work-precision")),
+    "units": tuple(kind for kind in get_args(FigureKind) if kind != "orbits"),
 }  # fmt: skip
 
-_ORDERS = 24  # highest drawn order of the camshaft
 _OPEN_LIFT = 1e-4  # lift above which a valve counts as open for the overlap, m
 _OVERLAP = "valve overlap, both open by 0.1 mm"
 _LOST = "lost"  # name of the channel of contact loss
@@ -75,12 +70,11 @@ class FigureOptions:
     _: KW_ONLY
     what: Annotated[FigureKind | None, Parameter(
         help="Kind of figure; by default motion, or sweep for the table of a sweep. svaj: lift and its "
-        "derivatives; orbits: journals in their oil films; waterfall: orders over speed; map: a channel over cam angle "
-        "and speed; work-precision: error of simpler models against computing cost (unknowns times steps).")] = None
+        "derivatives; orbits: journals in their oil films; map: a channel over cam angle and speed.")] = None
     probe: Annotated[str | None, Parameter(
-        help=f"--what motion, waterfall, work-precision: point or component; {cli.DEFAULT_PROBE}.")] = None
+        help=f"--what motion: point or component; {cli.DEFAULT_PROBE}.")] = None
     channels: Annotated[list[str] | None, Parameter(
-        "--channel", help="--what motion, force, torque, waterfall: force or other channel, repeatable; profile, map: "
+        "--channel", help="--what motion, force, torque: force or other channel, repeatable; profile, map: "
         "channel shown by colours; spring: force of the spring.")] = None
     over: Annotated[Literal["angle", "time", "crank"] | None, Parameter(
         help="--what motion, force, torque, energy: abscissa; angle (cam angle) by default. crank: the last revolution "
@@ -91,7 +85,7 @@ class FigureOptions:
     angle: Annotated[str | None, Parameter(
         help="--what profile: cam angle at which it is drawn, such as '90 deg'.")] = None
     count: Annotated[int | None, Parameter(
-        help="--what modes: number of modes, 6 by default; campbell, waterfall, map: number of speeds, 9 by "
+        help="--what modes: number of modes, 6 by default; map: number of speeds, 9 by "
         "default.")] = None
     x: Annotated[str | None, Parameter("--x", help="--what sweep: abscissa; the first varied key by default.")] = None
     y: Annotated[list[str] | None, Parameter(
@@ -367,7 +361,7 @@ def _map(options: FigureOptions) -> Figure:
             raise refuse("files", text, "one per speed", "a map has one row per speed")
         runs = {s.case.speed: s.response for s in sorted(options.sources.values(), key=lambda s: s.case.speed)}
     else:
-        speeds = _speeds(options, case)
+        speeds = cli.spaced_speeds(None, None, 9 if options.count is None else options.count, case)
         with show_count(len(speeds), "speeds") as advance:
             results = list(run_over_speeds(case, speeds, advance))
         runs = {speed: None if isinstance(run, Status) else run[1] for speed, run in zip(speeds, results, strict=True)}
@@ -398,32 +392,10 @@ def _modes(options: FigureOptions) -> Figure:
     return plotting.spectra.mode_figure(structure, modes(case, count), title=case.title)
 
 
-def _campbell(options: FigureOptions) -> Figure:
-    case = options.first.case
-    return modes_over_speed(case, _speeds(options, case), range(1, _ORDERS + 1)).figure()
-
-
-def _waterfall(options: FigureOptions) -> Figure:
-    case = options.first.case
-    signals = select_signals(case, options.channels, None if options.probe is None else [options.probe])
-    return orders_of_response(case, _speeds(options, case), signals, _ORDERS).figure()
-
-
-def _speeds(options: FigureOptions, case: Case) -> list[float]:
-    return cli.spaced_speeds(None, None, 9 if options.count is None else options.count, case)
-
-
-def _work_precision(options: FigureOptions) -> Figure:
-    source = options.first
-    probe = options.probe or scalar_probe(source.ready)
-    figure = plotting.histories.work_precision_figure(evaluate_ladder(source.case, probe, repeats=1)[1])
-    return plotting.figures.add_title(figure, source.title)
-
-
 _FIGURES: Mapping[str, Callable[[FigureOptions], Figure]] = {
     "motion": _motion, "force": _force, "torque": _force, "energy": _energy, "orbits": _orbits,
-    "svaj": _svaj, "profile": _profile, "spring": _spring, "goodman": _goodman, "modes": _modes, "campbell": _campbell,
-    "waterfall": _waterfall, "map": _map, "sweep": _sweep, "work-precision": _work_precision,
+    "svaj": _svaj, "profile": _profile, "spring": _spring, "goodman": _goodman, "modes": _modes, "map": _map,
+    "sweep": _sweep,
 }  # fmt: skip
 
 

@@ -26,19 +26,12 @@ _MAX_INSTANTS = 10_000_000
 
 @cli.command("""\
 flexcam info results/case.vtkhdf
-flexcam info results/case.vtkhdf --verify
 """)
 def info(
     result: Annotated[Path, Parameter(help="Result file (.vtkhdf).")], *,
-    verify: Annotated[bool, Parameter(help="Read the whole file and compare its checksums.")] = False,
     as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip
     """Show the contents of a result file: how its run ended, versions, solver statistics, saved data."""
-    if verify:
-        integrity = io.verify_file(result)
-        partial = "" if integrity["complete"] else "; its run ended early"
-        size = f"{integrity['datasets']} datasets, {integrity['bytes']} bytes"
-        return cli.CommandOutput([f"{result} is intact: {size}, as written{partial}"], {"file": result, **integrity})
     read = io.read_result(result)
     response, stats = read.response, read.response.stats
     counts = {"size": stats.size} if stats.size else {}

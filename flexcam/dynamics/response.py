@@ -244,13 +244,6 @@ class Response:
                     name = probe if len(history.components) == 1 else f"{probe}.{component}"
                     yield name, series, component_unit(component, unit), column
 
-    def columns(self) -> dict[str, tuple[FloatArray, str]]:
-        """Return the values and the SI unit of the cam angle, every motion and every channel, by name."""
-        table = {"cam_angle": (self.angle, "rad")}
-        table |= {f"{name}.{series}": (values, unit) for name, series, unit, values in self.motions()}
-        units = dict(self.outline.channels)
-        return table | {name: (values, units[name]) for name, values in self.channels.items()}
-
     def to_frame(self) -> pd.DataFrame:
         """Return all histories as a pandas data frame over time.
 
@@ -272,10 +265,11 @@ class Response:
         require_packages("data frames", "pandas", "tables", "pandas")
         import pandas as pd
 
-        columns = self.columns()
-        index = pd.Index(self.time, name="time")
-        frame = pd.DataFrame({name: values for name, (values, _) in columns.items()}, index=index)
-        frame.attrs["units"] = {"time": "s", **{name: unit for name, (_, unit) in columns.items()}}
+        columns, units = {"cam_angle": self.angle}, {"time": "s", "cam_angle": "rad"}
+        for name, series, unit, values in self.motions():
+            columns[f"{name}.{series}"], units[f"{name}.{series}"] = values, unit
+        frame = pd.DataFrame(columns | dict(self.channels), index=pd.Index(self.time, name="time"))
+        frame.attrs["units"] = units | dict(self.outline.channels)
         return frame
 
     def to_block(self) -> Block:

@@ -31,7 +31,7 @@ from flexcam.io.files import (
 from flexcam.io.hdf5 import open_hdf5, write_digest
 from flexcam.io.matrix_file import NodalMatrix, read_matrix
 from flexcam.io.mesh_file import read_mesh, write_mesh
-from flexcam.io.result_reader import PartialResult, Result, read_result, verify_file
+from flexcam.io.result_reader import PartialResult, Result, read_result
 from flexcam.io.result_schema import RECOVERED_FIELDS, VECTORS
 from flexcam.io.result_writer import ResultFile, count_output_points, partial_path, result_bytes
 from flexcam.io.vtk import Geometry, write_polydata
@@ -41,7 +41,7 @@ __all__ = [
     "ResultFile", "atomic_write_path", "check_folder", "check_folder_name", "check_writable", "count_output_points",
     "create_folder", "find_referenced_file", "format_toml", "macro_path", "open_hdf5", "open_with_lock",
     "partial_path", "read_lift", "read_matrix", "read_mesh", "read_profile", "read_result", "read_text",
-    "resolve_file", "result_bytes", "temporary_folder", "verify_file", "write_collection", "write_csv",
+    "resolve_file", "result_bytes", "temporary_folder", "write_collection", "write_csv",
     "write_digest", "write_law", "write_lift", "write_lift_table", "write_macro", "write_mesh", "write_modes",
     "write_polydata", "write_profile", "write_pvd", "write_text",
 ]  # fmt: skip

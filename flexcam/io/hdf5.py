@@ -156,11 +156,6 @@ def _attribute_names(item: Any) -> list[str]:  # noqa: ANN401
     return [name.decode() for name in sorted(names) if name.decode() not in SCALES]
 
 
-def datasets(file: Any) -> list[Any]:  # noqa: ANN401
-    """Return all datasets of a file; a dataset with several names is listed once."""
-    return [_module.Dataset(item) for _, item, new in _walk(file) if new and isinstance(item, _DATASET)]
-
-
 def digest(file: Any) -> str:  # noqa: ANN401
     """Return the SHA-256 digest of a file; raise an error that names every dataset whose numbers cannot be read."""
     checksum, faults = hashlib.sha256(), list[Fault]()

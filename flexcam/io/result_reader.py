@@ -171,7 +171,7 @@ def read_result(path: str | Path, *, empty: bool = True) -> Result:
 def _check_result(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no types
     """Raise an error for a sweep table, or for a result of another format or damaged."""
     if schema.VTK not in file and {"inputs", "scalars"} <= set(file):
-        remedy = "flexcam.io.sweep_table.read_table reads it, and flexcam info --verify checks it"
+        remedy = "flexcam.io.sweep_table.read_table reads it"
         raise refuse("result", source, "a result file of flexcam (.vtkhdf)", "it is the table of a sweep", remedy)
     check_integrity(file, "result", source, schema.FORMAT)
 
@@ -300,28 +300,6 @@ def _stats(file: Any) -> Stats:  # noqa: ANN401
         if name in group.attrs
     }
     return Stats(**values)
-
-
-def verify_file(path: str | Path) -> dict[str, int | bool]:
-    """Read and verify every dataset of a result or of a sweep table.
-
-    It returns the number of datasets, of those of numbers (the others are texts), the bytes of all, and whether the run
-    that wrote the file reached its end.
-    """
-    source = Path(path)
-    allowed = "a result file of flexcam (.vtkhdf) or the table of a sweep (.h5)"
-    with hdf5.open_hdf5(source, "result", allowed, suggest_alternative(source)) as file:
-        if schema.HISTORY in file:
-            _check_result(file, source)
-            _result(file)  # every name, type and shape
-        else:
-            check_integrity(file, "table", source, schema.TABLE_FORMAT)
-        datasets = hdf5.datasets(file)
-        return {
-            "datasets": len(datasets), "checked": sum(dataset.dtype.kind != "S" for dataset in datasets),
-            "bytes": sum(int(dataset.nbytes) for dataset in datasets),
-            "complete": schema.HISTORY not in file or read_status(file).ok,
-        }  # fmt: skip
 
 
 _RESUME_REMEDY = "run the case again, with --overwrite"

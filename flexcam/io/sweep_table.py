@@ -1,4 +1,4 @@
-"""Table of a sweep with a row per variant: HDF5, CSV or Parquet files, and pandas or xarray objects.
+"""Table of a sweep with a row per variant: HDF5, CSV or Parquet files, and data frames.
 
 Numbers are written so that reading them is exact.
 """
@@ -19,7 +19,7 @@ import numpy as np
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, format_shape, refuse, require_packages, suggest_name, system_message
 from flexcam.core.units import to_display_unit
-from flexcam.dynamics import Cause, Response, Status
+from flexcam.dynamics import Cause, Status
 from flexcam.io import hdf5
 from flexcam.io import result_schema as schema
 from flexcam.io.files import atomic_write_path, check_writable
@@ -27,7 +27,6 @@ from flexcam.io.result_reader import check_integrity
 
 if TYPE_CHECKING:
     import pandas as pd
-    import xarray as xr
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,40 +129,6 @@ def table_frame(table: SweepTable) -> pd.DataFrame:
     frame = pd.DataFrame(columns, index=pd.RangeIndex(1, len(table) + 1, name="variant"))
     frame.attrs["units"] = {**{column.name: column.unit for column in table.inputs}, **table.units}
     return frame
-
-
-def table_dataset(table: SweepTable) -> xr.Dataset:
-    """Return a table as an xarray dataset with the axes of a grid as dimensions."""
-    require_packages("data frames", "xarray", "tables", "xarray")
-    import xarray as xr
-
-    shape = table.shape or (len(table),)
-    names = [column.name for column in table.inputs]
-    dimensions = names if table.shape else ["variant"]
-    coordinates: dict[str, Any] = {}
-    for i, column in enumerate(table.inputs):
-        values = np.asarray(column.values)
-        if table.shape:
-            values = np.moveaxis(values.reshape(shape), i, 0).reshape(shape[i], -1)[:, 0]
-        coordinates[column.name] = ([column.name if table.shape else "variant"], values, {"units": column.unit})
-    if not table.shape:
-        coordinates["variant"] = np.arange(1, len(table) + 1)
-    causes = np.array([str(status.cause) for status in table.statuses]).reshape(shape)
-    data: dict[str, Any] = {
-        name: (dimensions, values.reshape(shape), {"units": table.units[name]})
-        for name, values in table.scalars.items()
-    }
-    return xr.Dataset({**data, "status": (dimensions, causes)}, coords=coordinates, attrs=dict(table.about))
-
-
-def history_dataset(response: Response) -> xr.Dataset:
-    """Return the histories of a run as an xarray dataset over time."""
-    require_packages("data frames", "xarray", "tables", "xarray")
-    import xarray as xr
-
-    columns = {name: (["time"], values, {"units": unit}) for name, (values, unit) in response.columns().items()}
-    angle = columns.pop("cam_angle")
-    return xr.Dataset(columns, coords={"time": (["time"], response.time, {"units": "s"}), "cam_angle": angle})
 
 
 def write_hdf5(table: SweepTable, path: Path) -> None:

@@ -46,22 +46,15 @@ _LIMIT_TOLERANCE = 0.01  # width of the bracket of limits relative to the speed
 
 
 @dataclass(frozen=True, eq=False)
-class RestoredCase:
-    """Case of a result and the objects built from it."""
-
-    case: Case
-    ready: PreparedRun  # prepared run of the case
-    response: Response  # response of the result, with fields in the degrees of freedom of the equations
-    structure: Structure  # passive part of the model
-
-
-@dataclass(frozen=True, eq=False)
 class ReportSubject:
     """Result and the data derived from it."""
 
     path: Path  # path of the file
     result: Result  # content of the file
-    known: RestoredCase | None  # objects built from its case; None if the case cannot be restored
+    case: Case
+    ready: PreparedRun  # prepared run of the case
+    response: Response  # response of the result, with fields in the degrees of freedom of the equations
+    structure: Structure  # passive part of the model
     rigid: Response | None  # the same run with rigid members; None if there is none
     modes: ModelModes | None  # modes of its structure; None if there are none
     lacking: tuple[str, ...]  # sentences about missing data and the reasons
@@ -83,23 +76,20 @@ def load_subject(path: Path) -> ReportSubject:
         except FlexcamError as refusal:
             lacking.append(f"Not in this report: {what}; {'; '.join(str(refusal).splitlines())}")
 
-    known = rigid = natural_modes = None
-    with omit_on_error("the comparison with a rigid train, modes, stresses with their safety, and inactive unknowns"):
-        case = case_from_result(result)
-        known = RestoredCase(case, *reload_result(case, result), build_structure(build_model(case)))
-    if known and known.case.record.fidelity.model != "rigid" and known.ready.model.cam_contacts:
+    case, rigid, natural_modes = case_from_result(result), None, None
+    ready, response = reload_result(case, result)
+    if case.record.fidelity.model != "rigid" and ready.model.cam_contacts:
         with omit_on_error("the comparison with a rigid train"):
-            rigid = run(known.case, rigid=True)
-    if known:
-        with omit_on_error("modes"):
-            natural_modes = modes(known.case, MODES)
-    return ReportSubject(path, result, known, rigid, natural_modes, tuple(lacking))
+            rigid = run(case, rigid=True)
+    with omit_on_error("modes"):
+        natural_modes = modes(case, MODES)
+    structure = build_structure(build_model(case))
+    return ReportSubject(path, result, case, ready, response, structure, rigid, natural_modes, tuple(lacking))
 
 
-def describe_model(about: ReportSubject, known: RestoredCase, figures: Sequence[Metric] = ()) -> list[str]:
+def describe_model(about: ReportSubject, figures: Sequence[Metric] = ()) -> list[str]:
     """Return sentences about the model and the parts omitted from the run."""
-    case, ready, response = known.case, known.ready, about.result.response
-    record = case.record
+    case, ready, response, record = about.case, about.ready, about.result.response, about.case.record
     kind = _MODELS.get(record.fidelity.model, record.fidelity.model)
     if record.fidelity.modes is not None:
         kind += f" in {record.fidelity.modes} shapes"
@@ -108,7 +98,7 @@ def describe_model(about: ReportSubject, known: RestoredCase, figures: Sequence[
     covers = f"{revolutions} revolution{'' if revolutions == '1' else 's'}"
     counts = {key: len(getattr(record, key)) for key in _COUNTED}
     parts = [f"{count} {key if count > 1 else _COUNTED[key]}" for key, count in counts.items() if count]
-    steps = f"{response.stats.steps} steps ({per:.6g} per revolution) of {tables.describe_dofs(known.response)}"
+    steps = f"{response.stats.steps} steps ({per:.6g} per revolution) of {tables.describe_dofs(about.response)}"
     sentences = [
         f"Modelled with {kind}: {', '.join(parts)}.",
         f"Run at {case.speed_text} for {covers} of the camshaft, in {steps}.",
@@ -259,23 +249,21 @@ def report_table(table: Table) -> ReportTable:
 
 def result_tables(about: ReportSubject, compared: Comparison | None, figures: list[Metric]) -> list[ReportTable]:
     """Return the tables of a result."""
-    response, known = about.result.response, about.known
-    turns = 1.0 if known is None else known.case.turns
+    response, turns = about.result.response, about.case.turns
     sheets = [report_table(tables.comparison_table(compared, turns))] if compared is not None else []
-    if known is not None:
-        span = describe_span(known.ready, response.stats.steps)
-        sheets += [report_table(tables.metrics_table(known.ready.model, figures, span))] if figures else []
-        strength = member_strength(known.ready, known.response)
-        sheets += [report_table(tables.strength_table(strength))] if strength.members() else []
-        probes = report_table(tables.run_table(known.case, ExtremesSink.of(response)))
-        sheets.append(replace(probes, title="Range of the probes"))
+    span = describe_span(about.ready, response.stats.steps)
+    sheets += [report_table(tables.metrics_table(about.ready.model, figures, span))] if figures else []
+    strength = member_strength(about.ready, about.response)
+    sheets += [report_table(tables.strength_table(strength))] if strength.members() else []
+    probes = report_table(tables.run_table(about.case, ExtremesSink.of(response)))
+    sheets.append(replace(probes, title="Range of the probes"))
     if len(response.time):
         parts = {name: values for name, values in energies(response).items() if values.any()}
         rows = [(name, f"{v.min():.4g}", f"{v.max():.4g}", f"{v[-1]:.4g}") for name, v in parts.items()]
         sheets.append(ReportTable("Energy over the run", ("J", "min", "max", "at the end"), tuple(rows)))
-    sheets += [report_table(tables.mode_table(about.modes, turns=turns))] if about.modes is not None else []
-    if known is not None and about.modes is not None:
-        sheets.append(replace(report_table(tables.model_table(known.ready, about.modes)), title="The model"))
+    if about.modes is not None:
+        sheets.append(report_table(tables.mode_table(about.modes, turns=turns)))
+        sheets.append(replace(report_table(tables.model_table(about.ready, about.modes)), title="The model"))
     return sheets
 
 

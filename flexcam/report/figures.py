@@ -244,9 +244,9 @@ def _names(mesh: Mesh, points: FloatArray) -> dict[str, int]:
 
 
 def _modes(about: ReportSubject, lines: _LinePoints) -> list[Shape]:
-    if about.known is None or about.modes is None:
+    if about.modes is None:
         return []
-    modes, structure = about.modes, about.known.structure
+    modes, structure = about.modes, about.structure
     motion = lines.of_beams(structure.beams, structure.dofs.nodal_modes(modes.modes.shapes.T, about.result.mesh.extent))
     undrawn, shapes = _undrawn_parts(structure), list[Shape]()
     for i, (frequency, shares) in enumerate(zip(modes.modes.frequencies.tolist(), modes.shares, strict=True)):
@@ -275,10 +275,7 @@ def _run_motion(about: ReportSubject, lines: _LinePoints) -> list[Shape]:
     last = response.field_angle > response.field_angle[-1] - 2.0 * np.pi * (1.0 + 1e-9)
     at = np.flatnonzero(last)[:: -(-int(last.sum()) // _FRAMES)]
     nodal = response.fields.displacement[at].reshape(len(at), -1, 6)
-    if about.known is None:
-        motion = lines.of_nodes(about.result.mesh.elements(), nodal[..., :3])
-    else:
-        motion = lines.of_beams(about.known.structure.beams, nodal)
+    motion = lines.of_beams(about.structure.beams, nodal)
     degrees = np.degrees(response.field_angle[at[[0, -1]]])
     words = f"The computed motion from {degrees[0]:.4g} to {degrees[1]:.4g} deg of cam angle"
     return [Shape("the run", words, motion)]

@@ -28,7 +28,7 @@ from flexcam.core.errors import FlexcamError, InputError, capitalize
 from flexcam.core.units import RPM
 from flexcam.dynamics import scalar_history, scalar_probes
 from flexcam.report import content
-from flexcam.report.content import Chapter, Picture, Report, ReportOptions, ReportSubject, RestoredCase, report_table
+from flexcam.report.content import Chapter, Picture, Report, ReportOptions, ReportSubject, report_table
 from flexcam.report.figures import Runs, build_albums, scene
 from flexcam.report.tables import info_table
 from flexcam.report.terminal import make_unique
@@ -86,7 +86,7 @@ def build_report(
     subjects: Sequence[ReportSubject], *, probe: str | None = None, asked: ReportOptions | None = None
 ) -> Report:
     """Return a report on results."""
-    speeds = [subject.known.case.speed_text if subject.known else "" for subject in subjects]
+    speeds = [subject.case.speed_text for subject in subjects]
     names = make_unique([subject.stem for subject in subjects], speeds) if len(subjects) > 1 else [""]
     mains = [_main_probe(subject, probe) for subject in subjects]
     chapters = tuple(
@@ -106,50 +106,47 @@ def _main_probe(about: ReportSubject, probe: str | None) -> str:
     if probe is not None:
         scalar_history(response, probe)  # raises an error for a probe of several scalars
         return probe
-    if about.known is None or not about.known.ready.model.probes:
-        return next(iter(saved), "")
-    return scalar_probe(about.known.ready)
+    return scalar_probe(about.ready) if about.ready.model.probes else next(iter(saved), "")
 
 
 def _chapter(about: ReportSubject, name: str, main: str, options: ReportOptions, share: int) -> Chapter:
-    texts, known, status = about.result.about, about.known, about.result.response.status
-    title = texts.get("title", "") or about.stem
-    figures = compute_metrics(known.ready, known.response) if known else []
-    compared, lacking = _compare_rigid(about, known, main) if known else (None, [])
+    case, status = about.case, about.result.response.status
+    figures = compute_metrics(about.ready, about.response)
+    compared, lacking = _compare_rigid(about, main)
     sentences, sheets, pictures = (
-        content.additional_content(known.case, main, options) if known and status.ok and main else ([], [], [])
+        content.additional_content(case, main, options) if status.ok and main else ([], [], [])
     )
     warnings = [] if status.ok else [f"The run did not reach its end. {status}"]
-    if known and len(known.response.time):
-        warnings += _warnings(known, figures, drawn_rigid=about.rigid is not None)
-    result = replace(about.result, response=known.response) if known else about.result
-    summary = content.describe_model(about, known, figures) if known else []
+    if len(about.response.time):
+        warnings += _warnings(about, figures)
+    result = replace(about.result, response=about.response)
+    summary = content.describe_model(about, figures)
     with suppress(FlexcamError):  # without static equilibrium at full lift there are no margins; the run has the reason
-        summary += content.describe_margins(compute_margins(known.case), known.case.turns) if known else []
+        summary += content.describe_margins(compute_margins(case), case.turns)
     return Chapter(
         name=name,
-        title=f"{title}, {known.case.speed_text}" if known else title,
+        title=f"{case.record.title or about.stem}, {case.speed_text}",
         verdict=tuple(content.describe_verdict(compared)) if compared and status.ok else (),
         summary=(*summary, *sentences),
         warnings=(*warnings, *about.lacking, *lacking),
         sheets=(*sheets, *content.result_tables(about, compared, figures)),
         pictures=tuple(pictures),
         scene=scene(about, share),
-        case=known.case.text if known else texts.get("case", ""),
+        case=case.text,
         origin=replace(report_table(info_table(result)), title="The result file"),
     )
 
 
-def _warnings(known: RestoredCase, figures: list[Metric], *, drawn_rigid: bool) -> list[str]:
+def _warnings(about: ReportSubject, figures: list[Metric]) -> list[str]:
     """Return the warnings without the prefix, for a list with the title of warnings."""
-    monitor = RunMonitor.from_response(known.ready, known.response)
-    warnings = check_run(known.ready, monitor, figures, known.response.stats)
-    warnings += check_shared_seat_load(known.ready.model) if drawn_rigid else []
+    monitor = RunMonitor.from_response(about.ready, about.response)
+    warnings = check_run(about.ready, monitor, figures, about.response.stats)
+    warnings += check_shared_seat_load(about.ready.model) if about.rigid is not None else []
     sentences = [warning.removeprefix("Warning: ") for warning in warnings]
     return [f"{capitalize(sentence)}." for sentence in sentences]
 
 
-def _compare_rigid(about: ReportSubject, known: RestoredCase, main: str) -> tuple[Comparison | None, list[str]]:
+def _compare_rigid(about: ReportSubject, main: str) -> tuple[Comparison | None, list[str]]:
     """Return the comparison of a result with its rigid train, or the reason why there is none."""
     if about.rigid is None or not main:
         return None, []
@@ -157,7 +154,7 @@ def _compare_rigid(about: ReportSubject, known: RestoredCase, main: str) -> tupl
     if np.ptp(about.rigid[main].displacement):
         try:
             names = ("flexible", "rigid")
-            return compare_responses(about.result.response, about.rigid, main, known.case.speed / RPM, names), []
+            return compare_responses(about.result.response, about.rigid, main, about.case.speed / RPM, names), []
         except InputError as refusal:
             why = str(refusal)
     return None, [f"Not in this report: the comparison with a rigid train; {why}"]

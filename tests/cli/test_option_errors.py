@@ -18,7 +18,7 @@ REFUSED = {
     "too many speeds to compare": (("compare", ENGINE, "--lowest", "1000rpm", "--count", HUGE), "2 to 10000"),
     "too many speeds for orders": (("campbell", "--response", INLINE, "--count", HUGE), "2 to 10000"),
     "too many speeds for modes": (("campbell", INLINE, "--count", HUGE), "2 to 10000"),
-    "too many speeds of a picture": (("plot", INLINE, "--what", "campbell", "--count", HUGE), "2 to 10000"),
+    "too many speeds of a picture": (("plot", INLINE, "--what", "map", "--count", HUGE), "2 to 10000"),
     "too many orders": (("campbell", INLINE, "--orders", "1:9999"), "1 to 1000"),
     "speeds of no map": (("stability", INLINE, "--count", "5"), "applies only with --lowest, --highest or --plot"),
     "a negative height": (("limits", ENGINE, "--bounce-height=-1mm"), "zero or more"),

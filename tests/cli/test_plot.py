@@ -162,16 +162,6 @@ def test_plot_of_run_that_ended_early(flexcam, case, tmp_path):
     assert "valve lift" in svg_texts(tmp_path / "early.svg")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("what", "message"), [("campbell", "natural frequency, Hz"), ("waterfall", "order of the camshaft")]
-)
-def test_plots_of_orders_over_speed(what, message, flexcam, case, tmp_path):
-    """The figures of `flexcam campbell` without and with --response, from 0.5 to 1.5 times the speed of the case."""
-    assert flexcam("plot", "case.toml", "--what", what, "--count", "2", "-o", "orders.svg").code == 0
-    assert message in svg_texts(tmp_path / "orders.svg")
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     mostly_slow(
@@ -187,7 +177,7 @@ def test_plots_of_orders_over_speed(what, message, flexcam, case, tmp_path):
             (["out/case.vtkhdf", "--set", "run.speed=1000rpm"], "A result cannot be changed"),
             (
                 ["out/case.vtkhdf", "--what", "energy", "--probe", "valve", "--rigid"],
-                "--what motion or waterfall or work-precision",
+                "--what motion",
             ),
             (["case.toml", "--what", "profile"], "base_radius and follower"),
             (["case.toml", "--what", "svaj", "--cam", "intak"], "Did you mean 'intake'"),
@@ -227,17 +217,6 @@ def test_appearance_of_plots(what, flexcam, intake, tmp_path):
     }
     assert distances[what] <= MAX_HASH_DISTANCE, f"it looks otherwise now: {image_hash(tmp_path / 'look.png')}"
     assert min(bits for kind, bits in distances.items() if kind != what) > MAX_HASH_DISTANCE, "and like no other"
-
-
-@pytest.mark.slow
-def test_work_precision_plot(flexcam, tmp_path):
-    """The figure is that of flexcam trade."""
-    shutil.copy(ROOT / "cases/li/valve-train.toml", tmp_path / "li.toml")
-    few = ("--set", "run.steps_per_revolution=120", "--set", "run.revolutions=1")
-    done = flexcam("plot", "li.toml", "--what", "work-precision", *few, "-o", "w.svg")
-    assert (done.code, done.err) == (0, "")
-    words = svg_texts(tmp_path / "w.svg")
-    assert [word for word in ("unknowns times steps", "error of lift, %", "rigid") if word not in words] == []
 
 
 @pytest.mark.parametrize(

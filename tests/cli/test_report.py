@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 from pathlib import Path
 
 import h5py
@@ -61,33 +60,6 @@ def test_report_content_without_case_file(flexcam, result, case):
 
 
 @pytest.mark.slow
-def test_report_lists_parts_without_data(flexcam, case, tmp_path):
-    """The lift table is missing, also in the result: curves and lines remain; the page lists the omitted parts."""
-    text = case.read_text(encoding="utf-8")
-    law_lines = 'law = "shm"\nlift = "6 mm"\nrise = "180 deg"\nreturn = "180 deg"'
-    assert law_lines in text
-    lift = 'lift_table = { file = "lift.csv", unit = "mm" }'
-    shutil.copy(ROOT / "tests/data/lift.csv", tmp_path)
-    case.write_text(text.replace(law_lines, lift), encoding="utf-8")
-    assert flexcam("run", "case.toml", "-o", "out").code == 0
-    (tmp_path / "lift.csv").unlink()
-    complete = flexcam("report", "out/case.vtkhdf", "-o", "whole.html", "--json")
-    assert "Not in this report" not in str(complete.json["warnings"]), "the result has the table"
-    with h5py.File(tmp_path / "out/case.vtkhdf", "r+") as file:  # as in a result of an older version
-        del file["about/files"]
-        write_digest(file)
-    done = flexcam("report", "out/case.vtkhdf", "--json")
-    assert done.code == 0
-    (warnings,) = done.json["warnings"].values()
-    assert "Not in this report" in warnings[0]
-    assert "lift.csv" in warnings[0]
-    page = (tmp_path / "out/case.html").read_text(encoding="utf-8")
-    assert warnings[0].partition(";")[0] in page_text(page)
-    data = page_data(page)
-    assert "valve" in [chart["name"] for chart in data["albums"][0]["charts"]]
-    assert [shape["name"] for shape in data["scenes"][0]["shapes"]] == ["the run"]
-
-
 @pytest.mark.parametrize(
     ("name", "text"), mostly_slow([("overrides", "[3]"), ("files", "no JSON"), ("files", '{"a.csv": null}')])
 )
@@ -98,7 +70,7 @@ def test_damaged_case_texts_of_result_are_refused(flexcam, case, name, text, tmp
         del file[f"about/{name}"]
         write_texts(file["about"], {name: text})
         write_digest(file)
-    for words in (("info", path), ("info", "--verify", path), ("plot", path), ("report", path)):
+    for words in (("info", path), ("plot", path), ("report", path)):
         refused = flexcam(*words)
         assert (refused.code, "a result that keeps its case" in refused.err) == (2, True), refused.err
 

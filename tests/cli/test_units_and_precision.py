@@ -44,7 +44,7 @@ def test_imperial_units_of_run_tables(flexcam, tmp_path):
     assert "lbf" in imperial
     assert " mm" not in imperial
     assert "lbf" not in flexcam("run", "watch.toml", "--overwrite").out
-    refused = flexcam("plot", "watch.toml", "--what", "campbell", "--units", "imperial")
+    refused = flexcam("plot", "watch.toml", "--what", "orbits", "--units", "imperial")
     assert refused.code == 2
     assert "--units" in refused.err
 

@@ -163,7 +163,7 @@ def result_command(path: Path, random: Random) -> str:
     """Run a command line on a result with changed structure and an updated digest."""
     update_digest(path)
     words = random.choice(
-        (["info"], ["info", "--json"], ["info", "--verify"], ["export", "--format", "csv"], ["export", "--every", "7"],
+        (["info"], ["info", "--json"], ["export", "--format", "csv"], ["export", "--every", "7"],
          ["plot", "-o", str(path.with_suffix(".svg"))], ["report"]),
     )  # fmt: skip
     return call(words[0], path, *words[1:], *(["--overwrite"] if words[0] != "info" else []))

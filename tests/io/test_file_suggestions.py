@@ -3,7 +3,6 @@
 import pytest
 
 from flexcam import InputError, read_result
-from flexcam.io import verify_file
 
 # existing files, requested file, part of the message
 MISSING = {
@@ -24,14 +23,13 @@ def test_invalid_result_name_is_refused(name, tmp_path):
         read_result(tmp_path / name)
 
 
-@pytest.mark.parametrize("read", [read_result, verify_file])
 @pytest.mark.parametrize("what", MISSING)
-def test_message_for_missing_result_names_related_file(what, read, tmp_path):
+def test_message_for_missing_result_names_related_file(what, tmp_path):
     existing, requested, expected = MISSING[what]
     for name in existing:
         (tmp_path / name).touch()
     with pytest.raises(InputError) as refusal:
-        read(tmp_path / requested)
+        read_result(tmp_path / requested)
     assert expected in str(refusal.value)
     if expected.startswith("There"):
         assert refusal.value.faults[0].remedy == ""

@@ -11,10 +11,8 @@ from flexcam import InputError, build_model, read_case, run
 from flexcam.dynamics import Cause, Status
 from flexcam.io.sweep_table import (
     format_csv,
-    history_dataset,
     is_scalar_prefix,
     read_table,
-    table_dataset,
     table_frame,
     unknown_scalar_fault,
     write_table,
@@ -86,18 +84,11 @@ def test_csv_columns_and_values(table):
     assert float(read[5]["late [mm]"]) == 1e3 * table["late"][5]
 
 
-def test_table_frame_and_dataset(table):
+def test_table_frame(table):
     frame = table_frame(table)
     assert frame.loc[4, "deviation.peak"] == table["deviation.peak"][3]
     assert frame.loc[2].isna()["deviation.peak"]
     assert frame.attrs["units"]["run.speed"] == "rpm"
-    data = table_dataset(table)
-    assert dict(data.sizes) == {"run.speed": 3, "run.integrator.method": 2}
-    assert float(data["deviation.peak"].sel({"run.speed": 2000.0, "run.integrator.method": "bathe"})) == 0.1 * 3
-    assert np.array_equal(table["deviation.peak"].reshape(table.shape), data["deviation.peak"].values, equal_nan=True)
-    sampled = table_dataset(make_table(Plan(parse_axes(["a=0:1 m", "b=x,y"]), parse_sample("lhs:6")), make_rows(6)))
-    assert dict(sampled.sizes) == {"variant": 6}
-    assert sampled["a"].dims == ("variant",)
 
 
 def test_parquet_has_nulls_for_missing_values(table, tmp_path):
@@ -107,15 +98,14 @@ def test_parquet_has_nulls_for_missing_values(table, tmp_path):
     assert column.null_count == 1
 
 
-def test_histories_as_frame_and_dataset():
+def test_histories_as_frame():
     response = run(read_case("tests/data/inline.toml", ["run.revolutions=0.1"]))
-    frame, data = response.to_frame(), history_dataset(response)
+    frame = response.to_frame()
     assert np.array_equal(frame["valve.displacement"], response["valve"].displacement)
-    assert np.array_equal(data["contacts.intake.force"].values, response.channels["contacts.intake.force"])
+    assert np.array_equal(frame["contacts.intake.force"], response.channels["contacts.intake.force"])
     assert frame.index.name == "time"
     assert frame.attrs["units"]["valve.acceleration"] == "m/s^2"
-    assert data["valve.velocity"].attrs["units"] == "m/s"
-    assert np.array_equal(data["cam_angle"].values, response.angle)
+    assert np.array_equal(frame["cam_angle"], response.angle)
 
 
 def test_data_frame_without_pandas_raises_error(monkeypatch):

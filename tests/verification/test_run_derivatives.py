@@ -348,19 +348,18 @@ def test_derivative_by_constant_force(engine):
     assert (high - low) / 0.001 == pytest.approx(0.25 * (1.0 - math.cos(2.0)), rel=1e-6)
 
 
-def test_similar_models_share_only_equal_cams():
+def test_similar_models_share_only_equal_lift_events():
     case = read_case(INTAKE)
     model = build_model(case)
     same, other = (
-        build_model(case.replace({key: value}), (case, model)).cams["intake"]
+        build_model(case.replace({key: value})).cams["intake"]
         for key, value in (("masses.valve.mass", 0.1), ("cams.intake.lift", 0.0061))
     )
-    assert same is model.cams["intake"]
+    assert same.event is model.cams["intake"].event
     assert other.event.height > same.event.height
 
 
-def test_changed_cam_has_phaser_of_its_shaft(tmp_path):
-    """A shaft has one phaser, and a changed cam is another object than its unchanged neighbour on the shaft."""
+def test_cams_of_a_shaft_have_one_phaser(tmp_path):
     text = Path("flexcam/templates/cam-phaser.toml").read_text(encoding="utf-8")
     text = text.replace('cams = ["intake"]', 'cams = ["intake", "second"]')
     at = '{ at = "rear-intake", law = "4-5-6-7", lift = "6 mm", rise = "64 deg", return = "64 deg", phase = 0 }'
@@ -368,5 +367,5 @@ def test_changed_cam_has_phaser_of_its_shaft(tmp_path):
         text.replace("[cams.intake]", f"[cams]\nsecond = {at}\n\n[cams.intake]"), encoding="utf-8"
     )
     case = read_case(tmp_path / "two.toml")
-    varied = build_model(case.replace({"cams.second.lift": 0.007}), (case, build_model(case))).cams
+    varied = build_model(case.replace({"cams.second.lift": 0.007})).cams
     assert varied["second"].phaser is varied["intake"].phaser
