@@ -10,6 +10,7 @@ import numpy as np
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.cam_motion import CamMotion, PrescribedInputs
 from flexcam.dynamics.jit import Functions, bind
+from flexcam.dynamics.law_data import ForceLaw
 from flexcam.dynamics.local_forces import LocalForces, VectorStack
 from flexcam.dynamics.massless import MasslessMotions, find_massless_rates
 from flexcam.dynamics.system import System
@@ -125,13 +126,19 @@ class Tangents:
         return self._C - act.T @ linear.by_v[0], self._K - act.T @ linear.by_d[0]
 
     def parts(self, i: int) -> Iterator[tuple[str, FloatArray]]:
-        """Yield the name of each local force and the stiffness it adds at an instant, shape (n, n)."""
+        """Yield the name of each local force and the stiffness that it adds at an instant, without friction, (n, n).
+
+        Friction depends on the penetration, but the force of the penetration does not depend on the sliding: this
+        coupling has no potential, and half of it in a symmetric matrix would be a negative stiffness.
+        """
         if not self._forces.count:
             return
         reaction = self._forces.respond(self._penetration[i], self._rate[i], self._state(i), self._schedule, i)
         act, sense, turning = directions(self._forces, self._schedule, i)
-        for _, at, _ in self._forces.parts:
+        for force, at, _ in self._forces.parts:
             by_penetration = reaction.by_penetration[at, at] @ sense[at] + reaction.by_rate[at, at] @ turning[at]
+            if isinstance(force.law, ForceLaw) and force.law.friction:
+                by_penetration[force.kind.scalars :: force.law.scalars] = 0.0
             yield self._forces.names[at.start], -act[at].T @ by_penetration
 
     def _state(self, i: int) -> FloatArray:

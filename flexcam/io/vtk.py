@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.fem.assembly import Damping
@@ -121,8 +122,17 @@ class Geometry:
         )
         fibre = self.fibres
         stresses = fibre.axial(forces), fibre.bending(forces), fibre.shear(forces), fibre.von_mises(forces)
+        forces[:, self.bends, 1] = 0.0
         values = map(self._point_values, (forces[..., :3], forces[..., 3:], *stresses))
         return dict(zip(schema.RECOVERED_FIELDS, values, strict=True))
+
+    @cached_property
+    def bends(self) -> NDArray[np.bool_]:
+        """Elements whose end has other axes than the next element of their member, shape (e,)."""
+        mask = np.zeros(len(self.beams), dtype=bool)
+        for part in self.mesh.element_ranges().values():
+            mask[part][:-1] = np.abs(np.diff(self.beams.triads[part], axis=0)).max(axis=(1, 2)) > _SAME_AXES
+        return mask
 
     def _point_values(self, values: FloatArray) -> FloatArray:
         """Return the larger of the adjacent element end values at every point, from shape (times, e, 2, ...)."""
@@ -135,6 +145,9 @@ class Geometry:
                 out[:, points] = np.where(np.abs(end_values) > np.abs(out[:, points]), end_values, out[:, points])
         return out
 
+
+_SAME_AXES = 1e-9
+"""Difference of unit vectors that is rounding."""
 
 ConstantData = Mapping[str, tuple[FloatArray | IntArray, str]]
 """Constant point data: name to values and unit."""

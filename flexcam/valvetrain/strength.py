@@ -27,17 +27,41 @@ from flexcam.valvetrain.structure import Structure, element_loads
 
 
 def buckling_load(structure: Structure, member: str) -> float:
-    """Return the buckling load of a single member in its supports.
+    """Return the buckling load of a member, with the members that continue it, in its supports.
 
-    The lowest P of ``K + P Kg(-1)`` over the member's own elements, with the supports of its nodes and the springs and
-    bearings from them to ground. Other members are neglected, so that a pushrod between guides has Euler's load. Ends
-    that the supports leave free are hinged. Elements are divided if fewer than four lie between supports, as a single
-    one is up to 50 % too stiff.
+    The lowest P of ``K + P Kg(-1)`` over their elements, with the supports of the nodes and the springs and bearings
+    from them to ground. Other members are neglected, so that a pushrod between guides has Euler's load. Ends that the
+    supports leave free are hinged. Elements are divided if fewer than four lie between supports, as a single one is up
+    to 50 % too stiff. The load of too many elements is infinite.
     """
-    load = _lowest_load(structure.model, member, 1)
-    if math.isinf(load) or (parts := _parts(structure.model, member)) == 1:
-        return load
-    return _lowest_load(structure.model, member, parts)
+    model, line = structure.model, find_strut(structure.model, member)[1]
+    load = _lowest_load(model, member, 1) if 6 * (len(line) - 1) <= DENSE_LIMIT else math.inf
+    return load if math.isinf(load) or (parts := _parts(model, line)) == 1 else _lowest_load(model, member, parts)
+
+
+_STRAIGHT = 0.99
+"""Cosine between two elements above which the second continues the first."""
+
+
+def find_strut(model: Model, member: str) -> tuple[list[str], IntArray]:
+    """Return a member and the members that continue it in a line, without others at the joints, and their nodes."""
+    mesh, names, line = model.mesh, [member], model.mesh.lines[member]
+    elements = np.bincount(mesh.elements().ravel(), minlength=len(mesh.nodes))
+    ends = {name: (other, other[::-1]) for name, other in mesh.lines.items()}
+
+    def direction(nodes: IntArray) -> FloatArray:
+        vector: FloatArray = np.diff(mesh.nodes[nodes], axis=0)[0]
+        return vector / np.linalg.norm(vector)
+
+    for _ in range(2):
+        line = line[::-1]
+        while elements[line[-1]] == 2:
+            others = [(name, other) for name in ends.keys() - {*names} for other in ends[name] if other[0] == line[-1]]
+            if not others or direction(line[-2:]) @ direction(others[0][1][:2]) < _STRAIGHT:
+                break
+            names.append(others[0][0])
+            line = np.append(line, others[0][1][1:])
+    return names, line
 
 
 def stiff_struts(model: Model) -> dict[str, tuple[float, int]]:
@@ -49,7 +73,8 @@ def stiff_struts(model: Model) -> dict[str, tuple[float, int]]:
     struts: dict[str, tuple[float, int]] = {}
     for name, member in model.members.items():
         count = len(model.mesh.lines[name]) - 1
-        if not member.geometric_stiffness or 6 * count > DENSE_LIMIT or (parts := _parts(model, name)) == 1:
+        line = find_strut(model, name)[1]
+        if not member.geometric_stiffness or 6 * len(line) > DENSE_LIMIT or (parts := _parts(model, line)) == 1:
             continue
         coarse, fine = (_lowest_load(model, name, n) for n in (1, parts))
         if coarse > (1.0 + _EXCESS_LIMIT) * fine:
@@ -61,8 +86,10 @@ _EXCESS_LIMIT = 0.05  # relative excess of the buckling load to report: two elem
 
 
 def _lowest_load(model: Model, name: str, parts: int) -> float:
-    """Return the buckling load of a member of divided elements."""
-    member, dofs, guides = _divide(model, name, parts)
+    """Return the buckling load of a member, with those that continue it, of divided elements."""
+    names, line = find_strut(model, name)
+    nodes = np.unique(line)
+    member, dofs, guides = _divide(model, names, nodes, parts)
     K, G = stiffness(member, dofs), geometric(member, np.full(len(member), -1.0), dofs)
     numbers = dofs.numbers[np.unique(member.nodes)]
     used = np.unique(numbers[numbers >= 0])
@@ -71,7 +98,7 @@ def _lowest_load(model: Model, name: str, parts: int) -> float:
     remaining = np.setdiff1d(np.arange(len(used)), select_constraints(free) if free.shape[1] else [])
     if not len(remaining):
         return math.inf
-    ends = np.isin(used, dofs.numbers[[member.nodes[0, 0], member.nodes[-1, 1]], :3])
+    ends = np.isin(used, dofs.numbers[np.searchsorted(nodes, line[[0, -1]]), :3])
     P = _motions_with_hinged_ends(free, ends)[:, remaining]
     hinged, held = P.T @ softening @ P, P.T @ guides.part(used).multiply(P)
     root = np.linalg.cholesky(K.part(remaining).dense() + held)
@@ -84,8 +111,8 @@ _SUFFICIENT_ELEMENTS = 4  # elements between supports for which the buckling loa
 _MANY = 100  # number of elements of a member up to which they are divided: their matrices are dense
 
 
-def _parts(model: Model, member: str) -> int:
-    line, points = model.mesh.lines[member], model.mesh.points
+def _parts(model: Model, line: IntArray) -> int:
+    points = model.mesh.points
     guides = {*model.supports, *(at for at, _ in _ground_springs(model))}
     supported = {node for point in guides for node in points[point].tolist()}
     inner = [i for i in range(1, len(line) - 1) if int(line[i]) in supported]
@@ -99,13 +126,13 @@ def _ground_springs(model: Model) -> list[tuple[str, Spring]]:
     return [(spring.at, spring) for spring in springs if spring.at in model.mesh.points]
 
 
-def _divide(model: Model, member: str, parts: int) -> tuple[Beams, DofMap, Triplets]:
-    """Return the divided elements of a member, their numbering with supports, and the springs to ground."""
-    nodes, line = np.unique(model.mesh.lines[member], return_inverse=True)
+def _divide(model: Model, members: list[str], nodes: IntArray, parts: int) -> tuple[Beams, DofMap, Triplets]:
+    """Return the divided elements of members, their numbering with supports, and the springs to ground."""
+    lines = {name: np.searchsorted(nodes, model.mesh.lines[name]) for name in members}
     springs = _ground_springs(model)
     names = {*model.supports, *(at for at, _ in springs)}
     points = {point: np.flatnonzero(np.isin(nodes, model.mesh.points[point])) for point in names}
-    mesh = refine(Mesh(model.mesh.nodes[nodes], {member: line}, points), {member: parts})
+    mesh = refine(Mesh(model.mesh.nodes[nodes], lines, points), dict.fromkeys(lines, parts))
     dofs = dof_map(mesh, model.supports.items())
     rows = [
         math.sqrt(spring.stiffness) * dofs.vector(int(node), spring.direction)
@@ -214,7 +241,7 @@ def geometric_stiffness_forces(structure: Structure) -> Coupling:
         else:
             compression = linear_compression(Bars(structure, elements))
         channels.append(Channel(f"{where}.compression", "N", compression))
-        if 6 * len(elements) <= DENSE_LIMIT and math.isfinite(limit := buckling_load(structure, name)):
+        if math.isfinite(limit := buckling_load(structure, name)):
             channels.append(Channel(f"{where}.buckling_use", "1", _quotient(compression, limit)))
     return Coupling((), tuple(forces), tuple(channels))
 

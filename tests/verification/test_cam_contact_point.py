@@ -15,6 +15,7 @@ import pytest
 
 from flexcam import InputError, build_model, prepare, read_case, run
 from flexcam.dynamics import ConstantSpeed, equilibrium
+from flexcam.valvetrain.modes import modes_on_the_lift
 from tests.thinning import mostly_slow
 
 SOURCE = "Point of contact of a cam"
@@ -741,3 +742,22 @@ def test_rigid_finger_member_rotates_about_pivot(record, tmp_path, pad):
     record(source=SOURCE, case=f"rigid finger as a member, {pad}", quantity="largest error of the contact force",
            unit="N", reference=0.0, computed=float(np.abs(response.channels["contacts.intake.force"] - expected).max()),
            tolerance=1e-9 * float(expected.max()), absolute=True, reason="rounding")  # fmt: skip
+
+
+@pytest.mark.parametrize("base_circle", [False, True])
+def test_friction_does_not_change_natural_frequencies(case, base_circle):
+    """The stiffness of the contact acts on the twist by friction, but the twist does not act on the contact.
+
+    The coupling in one direction leaves the eigenvalues as they are; the drive is soft, so that half of it in a
+    symmetric matrix would change the torsion by 5 %. Tolerance 1e-3: friction moves the equilibrium.
+    """
+    soft = 'belt = { at = "drive", direction = "rx", stiffness = "500 N m/rad" }'
+    frequencies = []
+    for friction in ("", ", friction = 0.12"):
+        contact = f'model = "unilateral", stiffness = "200 MN/m"{friction}'
+        made = case(FLAT, contact, springs=soft)
+        made.path.write_text(made.path.read_text().replace('"uz", "rx"]\nrear', '"uz"]\nrear'), encoding="utf-8")
+        model = build_model(read_case(made.path))
+        found = modes_on_the_lift(model, "intake", 60.0, base_circle=base_circle)
+        frequencies.append(found.model_modes.modes.frequencies[:8])
+    assert frequencies[1] == pytest.approx(frequencies[0], rel=1e-3)

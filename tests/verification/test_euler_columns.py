@@ -9,6 +9,7 @@ import math
 import numpy as np
 import pytest
 from scipy.linalg import eigh
+from scipy.optimize import brentq
 
 from flexcam import build_model, prepare, read_case
 from flexcam.analysis.run_checks import check_input
@@ -115,6 +116,47 @@ def test_end_on_rigid_link_is_hinged(tmp_path, elements):
     path.write_text(text, encoding="utf-8")
     # Four cubic elements are (pi/4)^4/720 = 5.3e-4 too stiff.
     assert rod_buckling_load(path) == pytest.approx(math.pi**2 * RIGIDITY / 0.25**2, rel=6e-4)
+
+
+COLUMN = """
+format = 1
+nodes = {{ a = [0, 0, 0], b = [0, {0}, 0], c = [0, {1}, 0], d = [0, {2}, 0] }}
+materials.steel = {{ E = "207 GPa", nu = 0.29, density = "7800 kg/m^3" }}
+sections = {{ plug = {{ shape = "circle", diameter = "7 mm" }}, tube = {{ shape = "circle", diameter = "{3} mm" }} }}
+members.foot = {{ nodes = ["a", "b"], elements = 2, material = "steel", section = "plug" }}
+members.tube = {{ nodes = ["{4}", "{5}"], elements = 4, material = "steel", section = "tube" }}
+members.head = {{ nodes = ["c", "d"], elements = 2, material = "steel", section = "plug" }}
+supports = {{ a = {6}, d = {7} }}
+[run]
+speed = "60 rpm"
+"""
+HINGES = ['["ux", "uy", "uz", "ry"]', '["ux", "uz"]']
+CLAMPED = ['["ux", "uy", "uz", "rx", "ry", "rz"]', "[]"]
+
+
+@pytest.mark.parametrize("ends", ["bc", "cb"])
+@pytest.mark.parametrize(("supports", "factor"), [(HINGES, math.pi**2), (CLAMPED, math.pi**2 / 4.0)])
+def test_members_in_a_line_buckle_together(tmp_path, supports, factor, ends):
+    path = tmp_path / "column.toml"
+    path.write_text(COLUMN.format(0.05, 0.2, 0.28, 7, *ends, *supports), encoding="utf-8")
+    structure = build_structure(build_model(read_case(path)))
+    load = factor * 207e9 * Section.circle(0.007).Iz / 0.28**2
+    loads = [buckling_load(structure, name) for name in ("foot", "tube", "head")]
+    assert loads == pytest.approx([load] * 3, rel=6e-4)  # of four cubic elements
+
+
+def test_stepped_column_buckles_at_root_of_its_equation(tmp_path):
+    """Ends of stiffness EI2 and length b, and a middle of length 2 c and EI1: tan(k2 b) tan(k1 c) = k2/k1."""
+    path = tmp_path / "column.toml"
+    path.write_text(COLUMN.format(0.05, 0.23, 0.28, 4, *"bc", *HINGES), encoding="utf-8")
+    middle, end = (207e9 * Section.circle(d).Iz for d in (0.004, 0.007))
+
+    def equation(load):
+        k1, k2 = math.sqrt(load / middle), math.sqrt(load / end)
+        return math.tan(k2 * 0.05) * math.tan(k1 * 0.09) - k2 / k1
+
+    load = brentq(equation, 1.0, (math.pi / 0.18) ** 2 * middle * (1.0 - 1e-9))
+    assert buckling_load(build_structure(build_model(read_case(path))), "tube") == pytest.approx(load, rel=6e-4)
 
 
 def test_guides_divide_member_into_spans(record, tmp_path):

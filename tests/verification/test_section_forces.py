@@ -13,7 +13,17 @@ from scipy.spatial.transform import Rotation
 
 from flexcam import prepare, read_case
 from flexcam.analysis.run import output_geometry
-from flexcam.dynamics import Block, ConstantSpeed, Problem, SaveAt, Series, newmark, solve, static_displacement
+from flexcam.dynamics import (
+    Block,
+    ConstantSpeed,
+    Problem,
+    SaveAt,
+    Series,
+    equilibrium,
+    newmark,
+    solve,
+    static_displacement,
+)
 from flexcam.fem.assembly import (
     Damping,
     Member,
@@ -24,10 +34,11 @@ from flexcam.fem.assembly import (
     stiffness,
 )
 from flexcam.fem.dofs import COMPONENTS, dof_map
-from flexcam.fem.mesh import chain
+from flexcam.fem.mesh import Mesh, chain
 from flexcam.fem.recovery import fibres, section_forces
 from flexcam.fem.rigid_bodies import PointMass
 from flexcam.fem.sections import Material, Section
+from flexcam.io.vtk import constant_data
 from flexcam.report.tables import strength_table
 from flexcam.valvetrain import GivenLoad, MassAt, Model, StrengthSink, build_structure, build_system
 
@@ -194,6 +205,25 @@ def test_section_force_at_damped_tip_equals_load(damping):
     assert np.abs(found["section_force"][:, -1] - bar.axes @ push[:3]).max() <= 1e-9 * 1000.0  # of a direct solve
     assert np.ptp(found["section_force"][:, 0], axis=0).max() > 100.0  # check that the bar vibrates
     assert strength.members()["bar"].von_mises == pytest.approx(found["stress_von_mises"].max(), rel=1e-12)
+
+
+def test_section_forces_at_corner_belong_to_the_axes_of_the_point():
+    """A cantilever along x turns to y at its corner; the vectors of the two sides have different components there."""
+    nodes = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.3, 0.2, 0.0]])
+    mesh = Mesh(nodes, {"bar": np.arange(3)}, {"start": np.array([0]), "end": np.array([2])})
+    push = np.array([7.0, 11.0, -13.0, 0.0, 0.0, 0.0])
+    model = Model(
+        mesh, {"bar": Member(STEEL, UNEQUAL)}, {"start": COMPONENTS}, loads={"push": GivenLoad(1.0, push, "end")}
+    )
+    system, structure, shown = build_system(model, 1.0), build_structure(model), output_geometry(model)
+    u = equilibrium(system, ConstantSpeed(1.0)).displacement
+    nodal = structure.dofs.nodal(u[None])
+    found, constant = shown.recover_fields(nodal, 0.0 * nodal, 0.0 * nodal), constant_data(shown)
+    axes = np.array([constant[name][0][1] for name in ("axis_x", "axis_y", "axis_z")])
+    assert axes[0] == pytest.approx([0.0, 1.0, 0.0], abs=1e-12)
+    assert found["section_force"][0, 1] == pytest.approx(axes @ push[:3], rel=1e-9, abs=1e-9)
+    moment = axes @ np.cross(nodes[2] - nodes[1], push[:3])
+    assert found["section_moment"][0, 1] == pytest.approx(moment, rel=1e-9, abs=1e-9)
 
 
 def uniform_section_forces(**forces):
