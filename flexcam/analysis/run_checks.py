@@ -45,11 +45,14 @@ from flexcam.valvetrain import (
     PublishedLoad,
     Resolution,
     ResolutionSink,
+    Seat,
     build_structure,
     compressed_members,
+    driving_contact,
     find_pivot,
     model_modes,
     stiff_struts,
+    valve_ratio,
 )
 
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)  # cam angles at which a profile is evaluated
@@ -97,7 +100,16 @@ def check_input(ready: PreparedRun, steps: int = 0) -> list[str]:
         *check_model(ready.case, ready.model, ready.problem, ready.scheme),
         *_check_cam_steps(ready, steps or required_steps(ready)),
         *_check_geometric_stiffness(ready),
+        *_check_valves(ready.model),
     ]
+
+
+def _check_valves(model: Model) -> Iterator[str]:
+    """Yield warnings about valves that no cam moves."""
+    for name, part in model.contacts.items():
+        if isinstance(part, Seat) and model.cam_contacts and driving_contact(model, part.at) is None:
+            remedy = "connect them by members, masses, rockers, springs, or contacts such as a lash or an adjuster"
+            yield f"Warning: no cam moves the valve of seat {name!r}: nothing leads from a follower to it; {remedy}"
 
 
 def _check_cam_steps(ready: PreparedRun, enough: int) -> Iterator[str]:
@@ -319,7 +331,7 @@ def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], st
         *describe_model_limits(ready),
         *check_events(metrics),
         *(_check_open_lashes(ready.model, metrics) if revolved else ()),
-        *(_check_seating(metrics) if revolved else ()),
+        *(_check_seating(ready.model, metrics) if revolved else ()),
         *_check_accuracy(ready, monitor.extremes, stats),
         *(_check_deflections(ready, monitor.extremes) if _has_member_dofs(ready) else ()),
         *(_check_resolution(ready, monitor.resolution.evaluate(), steps) if _has_member_dofs(ready) else ()),
@@ -420,10 +432,27 @@ def _check_open_lashes(model: Model, metrics: Iterable[Metric]) -> Iterator[str]
             yield f"Warning: lash {name!r} stays open over the revolution: check its {checked}"
 
 
-def _check_seating(metrics: Sequence[Metric]) -> Iterator[str]:
-    """Yield warnings about valves with loft that have no seating in the last revolution."""
+def _rigid_lift(model: Model, seat: str) -> float:
+    """Return the largest lift of the valve of a seat in the rigid train, m; 0 if no cam moves it."""
+    part = model.contacts[seat]
+    contact = driving_contact(model, part.at) if isinstance(part, Seat) else None
+    cam = model.cam_contacts[contact].cam if contact is not None else None
+    return 0.0 if cam is None else valve_ratio(model, cam) * model.cams[cam].event.height
+
+
+_LOST_LIFT = 0.2
+"""Part of the lift of the rigid train, lost at the nose, that is reported: a soft train loses a tenth."""
+
+
+def _check_seating(model: Model, metrics: Sequence[Metric]) -> Iterator[str]:
+    """Yield warnings about valves that lose much of their lift, or have loft but no seating in the last revolution."""
     seated = dict(_metrics_with_suffix(metrics, ".seating_velocity"))
     for name, loft in _metrics_with_suffix(metrics, ".valve_loft"):
+        lift = _rigid_lift(model, name)
+        if loft < -_LOST_LIFT * lift:
+            lost = f"{format_quantity('m', -loft, digits=3)} of {format_quantity('m', lift, digits=3)}"
+            remedy = "check the stiffness, oil and lash of the parts between cam and valve, and the valve's spring"
+            yield f"Warning: the train loses {lost} of lift at {name!r}: {remedy}"
         if name not in seated and loft > BOUNCE_HEIGHT:
             why = "seating velocity and bounces are not evaluated"
             yield f"Warning: the valve does not close at {name!r} in the last revolution: {why}"

@@ -76,13 +76,14 @@ def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray, opening: B
     shut = np.flatnonzero(_touches(height, speed))
     if not len(shut) or gap[top] <= _REOPENING_LIFT:
         return None
-    first, last = int(shut[0]), len(order) - 1 if is_cut else int(shut[-1])
+    first, last = int(shut[0]), len(order) if is_cut else int(shut[-1])
     rises = np.zeros(len(gap), dtype=bool) if opening is None else opening
-    heights = np.where(rises[order], 0.0, height)[first : last + 1]
+    begins = shut[shut < last]
+    heights = np.maximum.reduceat(np.where(rises[order], 0.0, height)[:last], begins) if len(begins) else np.zeros(1)
     touch = min(_REOPENING_LIFT, _TOUCH_PART * float(gap[top]))
-    rising = np.diff(np.concatenate([[0], (heights > touch).astype(int)])) > 0
     largest = float(heights.max()) if heights.max() > _GAP_ROUNDING * gap[top] else 0.0
-    return Seating(_touch_velocity(height[:first], speed[:first]), int(rising.sum()), largest, float(angles[first]))
+    bounces = int((heights > touch).sum())
+    return Seating(_touch_velocity(height[:first], speed[:first]), bounces, largest, float(angles[first]))
 
 
 def _touches(gap: FloatArray, velocity: FloatArray) -> Bools:

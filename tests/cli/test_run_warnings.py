@@ -104,6 +104,13 @@ def test_valve_that_does_not_close_causes_warning(engine, flexcam, rpm, warned):
     assert ("seating velocity  " in output) is not warned
 
 
+def test_lost_lift_causes_warning(tmp_path, flexcam):
+    """A stiffness in kN/m instead of MN/m makes the oil of the adjuster a thousand times too soft."""
+    words = "--set", "contacts.adjuster.stiffness=32 kN/m", "--set", "run.crank_speed=1000rpm"
+    output = flexcam("run", Path(__file__).parents[2] / "cases/direct-acting/finger.toml", *words, "-o", tmp_path).out
+    assert "of lift at 'seat'" in " ".join(output.split())
+
+
 def test_contact_description_states_contact_loss(engine):
     case = read_case(engine)
     assert describe_contacts(case)[0].endswith("contact can be lost.")

@@ -210,6 +210,16 @@ def test_adjuster_without_seat_gives_warning(tmp_path):
     assert any("always sinks: without a seat" in one for one in warned)
 
 
+def test_valve_without_cam_gives_warning(tmp_path):
+    text = (ROOT / "cases/pushrod-engine/intake.toml").read_text(encoding="utf-8")
+    rod = 'pushrod = { nodes = ["tappet", '
+    assert rod in text
+    apart = text.replace(rod, 'pushrod = { nodes = ["rod", ').replace("[nodes]", '[nodes]\nrod = ["60 mm", "40 mm", 0]')
+    (tmp_path / "case.toml").write_text(apart, encoding="utf-8")
+    warned = check_input(prepare(read_case(tmp_path / "case.toml", ["run.start=rest"])))
+    assert any("no cam moves the valve of seat 'seat'" in one for one in warned)
+
+
 def test_unconnected_member_gives_warning(tmp_path, tried):
     alone = 'alone = { nodes = ["a", "b"], material = "steel", section = "tube" }\n[supports]'
     text = CASE.read_text(encoding="utf-8").replace("[supports]", alone)

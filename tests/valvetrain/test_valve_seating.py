@@ -38,6 +38,35 @@ def test_seating_is_independent_of_size(size):
     assert (found.bounces, found.height / size) == (1, pytest.approx(2.02e-4, rel=1e-3))
 
 
+@pytest.mark.parametrize("steps", [4001, 16000])
+def test_rebounds_between_instants_count(steps):
+    """A ball falls 0.1 m with e = 0.7: bounce n rises e^(2 n) 0.1 m, above 1 um up to n = 16."""
+    fall, e = math.sqrt(0.2 / 9.81), 0.7
+    time = np.linspace(0.0, 1.0, steps)
+    bounces = [(fall * (1.0 + 2.0 * e * (1.0 - e**n) / (1.0 - e)), e ** (n + 1)) for n in range(60)]
+    gap, velocity = 0.1 - 0.5 * 9.81 * time**2, -9.81 * time
+    for begin, part in bounces:
+        since, speed = time - begin, part * 9.81 * fall
+        gap = np.where(since > 0.0, speed * since - 0.5 * 9.81 * since**2, gap)
+        velocity = np.where(since > 0.0, speed - 9.81 * since, velocity)
+    at_rest = time > bounces[-1][0]
+    gap, velocity = np.where(at_rest, 0.0, gap), np.where(at_rest, 0.0, velocity)
+    found = seating(gap, velocity, np.linspace(0.0, 2.0 * math.pi, steps, endpoint=False))
+    assert found is not None
+    assert found.bounces == 16
+    assert found.height == pytest.approx(0.049, rel=1e-3)
+
+
+def test_rebound_into_the_lift_is_no_bounce():
+    """An oscillator strikes its stop once per revolution: the rebound is the lift itself."""
+    angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
+    gap, velocity = 1e-3 * np.abs(np.sin(0.5 * (angle - 1.0037))), 0.5e-3 * np.cos(0.5 * (angle - 1.0037))
+    velocity = np.where(np.sin(0.5 * (angle - 1.0037)) < 0.0, -velocity, velocity)
+    found = seating(gap, velocity, angle)
+    assert found is not None
+    assert (found.bounces, found.height) == (0, 0.0)
+
+
 @pytest.mark.parametrize("last", [120, 200, 256])
 def test_record_ending_with_open_valve_has_no_seating(last):
     gap, velocity = revolution()
