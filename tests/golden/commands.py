@@ -110,7 +110,6 @@ def _results() -> list[Command]:
     result = "out/linear-train.vtkhdf"
     choice = ("run", TAYEB, "-o", "out", *COARSE, "--set")
     return [
-        Command("commands-results", "info", ("info", result), (run,)),
         Command("commands-results", "export csv", ("export", result, "--format", "csv"), (run,), _table),
         Command(
             "commands-results",
