@@ -217,7 +217,7 @@ def test_optional_limits_and_limits_of_bilateral_contact(flexcam, one_mass):
     bilateral = ("--set", 'contacts.intake={ model="bilateral", cam="intake", follower="tappet", stiffness="50 MN/m" }')
     output = flexcam("limits", CASE, *few, *bilateral).out
     assert "buckling" in output
-    assert "contact loss, rigid" in output
+    assert "contact loss, rigid" not in output  # it needs a contact that can open
     assert "float" not in output
 
 
