@@ -122,7 +122,7 @@ class Geometry:
         )
         fibre = self.fibres
         stresses = fibre.axial(forces), fibre.bending(forces), fibre.shear(forces), fibre.von_mises(forces)
-        forces[:, self.bends, 1] = 0.0
+        forces[:, self.bends, 1] = 0.0  # vectors have the axes of the element that begins at their point
         values = map(self._point_values, (forces[..., :3], forces[..., 3:], *stresses))
         return dict(zip(schema.RECOVERED_FIELDS, values, strict=True))
 

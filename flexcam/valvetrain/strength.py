@@ -34,16 +34,17 @@ def buckling_load(structure: Structure, member: str) -> float:
     supports leave free are hinged. Elements are divided if fewer than four lie between supports, as a single one is up
     to 50 % too stiff. The load of too many elements is infinite.
     """
-    model, line = structure.model, find_strut(structure.model, member)[1]
-    load = _lowest_load(model, member, 1) if 6 * (len(line) - 1) <= DENSE_LIMIT else math.inf
-    return load if math.isinf(load) or (parts := _parts(model, line)) == 1 else _lowest_load(model, member, parts)
+    model = structure.model
+    names, line = _find_strut(model, member)
+    load = _lowest_load(model, names, line, 1) if 6 * (len(line) - 1) <= DENSE_LIMIT else math.inf
+    return load if math.isinf(load) or (parts := _parts(model, line)) == 1 else _lowest_load(model, names, line, parts)
 
 
 _STRAIGHT = 0.99
 """Cosine between two elements above which the second continues the first."""
 
 
-def find_strut(model: Model, member: str) -> tuple[list[str], IntArray]:
+def _find_strut(model: Model, member: str) -> tuple[list[str], IntArray]:
     """Return a member and the members that continue it in a line, without others at the joints, and their nodes."""
     mesh, names, line = model.mesh, [member], model.mesh.lines[member]
     elements = np.bincount(mesh.elements().ravel(), minlength=len(mesh.nodes))
@@ -72,22 +73,22 @@ def stiff_struts(model: Model) -> dict[str, tuple[float, int]]:
     """
     struts: dict[str, tuple[float, int]] = {}
     for name, member in model.members.items():
-        count = len(model.mesh.lines[name]) - 1
-        line = find_strut(model, name)[1]
-        if not member.geometric_stiffness or 6 * len(line) > DENSE_LIMIT or (parts := _parts(model, line)) == 1:
+        if not member.geometric_stiffness:
             continue
-        coarse, fine = (_lowest_load(model, name, n) for n in (1, parts))
+        names, line = _find_strut(model, name)
+        if 6 * (len(line) - 1) > DENSE_LIMIT or (parts := _parts(model, line)) == 1:
+            continue
+        coarse, fine = (_lowest_load(model, names, line, n) for n in (1, parts))
         if coarse > (1.0 + _EXCESS_LIMIT) * fine:
-            struts[name] = coarse / fine - 1.0, parts * count
+            struts[name] = coarse / fine - 1.0, parts * (len(model.mesh.lines[name]) - 1)
     return struts
 
 
 _EXCESS_LIMIT = 0.05  # relative excess of the buckling load to report: two elements between supports stay below it
 
 
-def _lowest_load(model: Model, name: str, parts: int) -> float:
-    """Return the buckling load of a member, with those that continue it, of divided elements."""
-    names, line = find_strut(model, name)
+def _lowest_load(model: Model, names: list[str], line: IntArray, parts: int) -> float:
+    """Return the buckling load of members in a line, of divided elements."""
     nodes = np.unique(line)
     member, dofs, guides = _divide(model, names, nodes, parts)
     K, G = stiffness(member, dofs), geometric(member, np.full(len(member), -1.0), dofs)

@@ -73,6 +73,11 @@ def _files(words: Sequence[str], folder: Path) -> Record:
     return record | {f"files/{ending}": endings.count(ending) for ending in sorted(set(endings))}
 
 
+def _contents(words: Sequence[str], folder: Path) -> Record:
+    """Return the record of `info` without the statistics of the solver, which rounding changes."""
+    return {key: value for key, value in json_record(words, folder).items() if not key.startswith("stats/")}
+
+
 def _checks() -> list[Command]:
     return [Command("commands-check", name, ("check", str(path))) for name, path in cases().items()]
 
@@ -110,6 +115,7 @@ def _results() -> list[Command]:
     result = "out/linear-train.vtkhdf"
     choice = ("run", TAYEB, "-o", "out", *COARSE, "--set")
     return [
+        Command("commands-results", "info", ("info", result), (run,), _contents),
         Command("commands-results", "export csv", ("export", result, "--format", "csv"), (run,), _table),
         Command(
             "commands-results",

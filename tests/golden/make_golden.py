@@ -186,7 +186,7 @@ def _group(quantity: str) -> str:
     parts = quantity.split("/")
     if parts[0] == "csv":
         return f"csv {quantity.rpartition('[')[2]}"
-    if parts[0] == "probes":
+    if parts[0] == "probes" and len(parts) > 3:
         return f"probes {parts[2]} {'rotation' if parts[3] in ('rx', 'ry', 'rz') else 'way'}"
     return f"channels {quantity.rpartition('[')[2]}" if parts[0] == "channels" else quantity
 

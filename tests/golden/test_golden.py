@@ -20,7 +20,7 @@ QUICK_MODELS = {"models-linear-train"}
 QUICK_RUNS_OF_MODELS = {"beams/direct", "chain/direct"}
 
 QUICK_COMMANDS = {
-    "law 4-5-6-7", "law scca", "li-fb2", "export instants", "stability", "campbell",
+    "law 4-5-6-7", "law scca", "li-fb2", "info", "export instants", "stability", "campbell",
     "compare contact", "modes", "modes equilibrium", "schema", "sweep", "sensitivity", "data/every-engine",
 }  # fmt: skip
 
