@@ -125,6 +125,7 @@ def build_model(case: Case) -> valvetrain.Model:
         gravity=record.run.gravity,
         damping=record.run.damping.part,
         probes=tuple(record.output.probes),
+        reactions=tuple(record.output.reactions),
         bearings=films,
     )
     faults.extend(model_faults(case.places, model))

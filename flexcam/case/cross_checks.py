@@ -220,6 +220,8 @@ class RawTables:
                 yield self._fault(("superelements", name, "nodes"), given, "different nodes", why)
         for name in self._table("supports"):
             yield from self._check_name(("supports", name), name, list(counts), "a point")
+        for name in _as_list(self._table("output").get("reactions")):
+            yield from self._check_name(("output", "reactions"), name, list(self._table("supports")), "a support")
         for probe in _as_list(self._table("output").get("probes")):
             if not isinstance(probe, str) or re.match(NAME, probe):  # the schema reports other texts
                 yield from self._check_point(("output", "probes"), probe, with_rockers)

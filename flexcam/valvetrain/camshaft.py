@@ -1,10 +1,9 @@
-"""Camshaft: twist and deflection at the cams, rotary inertia, drive torque and free running."""
+"""Camshaft: twist and deflection at the cams, rotary inertia, drive and free running."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -14,24 +13,21 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.dynamics import (
     AngleFunction,
-    AngleVector,
     CamMotion,
     Channel,
     Load,
-    LocalForce,
-    Observable,
     Observation,
     Phaser,
     SpeedByAngle,
     row_of,
 )
-from flexcam.fem.assembly import rayleigh_damping, to_global
+from flexcam.fem.assembly import to_global
 from flexcam.fem.dofs import ROTATIONS
 from flexcam.fem.elements import beam
 from flexcam.valvetrain.coupling import Coupling
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Cam, CamPair, Lash
-from flexcam.valvetrain.structure import Structure, build_structure_in
+from flexcam.valvetrain.structure import Structure
 
 
 def shaft_channels(structure: Structure) -> Coupling:
@@ -91,23 +87,6 @@ def _inertia(structure: Structure, nodes: IntArray, rotation: FloatArray, phaser
 
 PARALLEL = 0.9
 """Cosine above which an axis is that of the shaft."""
-
-
-@dataclass(frozen=True, eq=False)
-class ShaftDrive:
-    """Node at which a shaft's rotation is prescribed."""
-
-    name: str  #: of the support or the node
-    node: int
-    released: Structure  #: structure with the constrained rotations of that node released
-    indices: IntArray  #: indices of the structure's unknowns among those of `released`, shape (n,)
-    rotation: FloatArray  #: unit rotation about the shaft in the released unknowns, shape (n of `released`,)
-
-
-@lru_cache(maxsize=4)
-def find_shaft_drives(structure: Structure) -> tuple[ShaftDrive, ...]:
-    """Return all nodes at which a shaft's rotation is prescribed."""
-    return tuple(_release_rotation(structure, *support) for support in rotation_supports(structure.model))
 
 
 @lru_cache(maxsize=4)
@@ -181,46 +160,6 @@ def _shaft_nodes(model: Model, cam: str) -> IntArray:
     while added := {node for pair in pairs if pair & nodes for node in pair} - nodes:
         nodes.update(*(mesh.connected_nodes(node, turning=True).tolist() for node in added))
     return np.array(sorted(nodes), dtype=np.intp)
-
-
-def _release_rotation(structure: Structure, name: str, node: int, axis: FloatArray) -> ShaftDrive:
-    fixed = 3 + np.flatnonzero(~structure.dofs.moving[node, 3:])
-    dofs = structure.dofs.release(node, fixed, name)
-    released = dofs.numbers[node, fixed]
-    rotation = np.zeros(dofs.size)
-    rotation[released] = axis[fixed - 3]
-    return ShaftDrive(
-        name, node, build_structure_in(structure.model, dofs), np.delete(np.arange(dofs.size), released), rotation
-    )
-
-
-def inertia_torque(end: ShaftDrive) -> Observable:
-    """Return the torque of mass, damping and stiffness on a constrained rotation, without modal damping."""
-    freed, damping = end.released, end.released.model.damping
-    damped = freed.dampers + rayleigh_damping(freed.mass, freed.stiffness, damping.alpha, damping.beta)
-    rows = [matrix.times(end.rotation)[end.indices][None] for matrix in (freed.stiffness, damped, freed.mass)]
-
-    def torque(obs: Observation) -> FloatArray:
-        return sum((obs.moved.extract(row, order)[:, 0] for order, row in enumerate(rows)), np.zeros(1))
-
-    return torque
-
-
-def reaction_torque(end: ShaftDrive, loads: tuple[Load, ...], forces: tuple[LocalForce, ...]) -> Observable:
-    """Return the reaction of loads and local forces of the released structure on a constrained rotation."""
-    factors = np.array([end.rotation @ load.vector for load in loads])
-    acts = [act for force in forces for act in force.act]
-    terms = [(i, AngleVector((act.vectors @ end.rotation)[:, None], act.functions)) for i, act in enumerate(acts)]
-    terms = [(i, act) for i, act in terms if act.vectors.any()]
-
-    def torque(obs: Observation) -> FloatArray:
-        total = -(obs.histories @ factors)
-        for i, act in terms:
-            weights = [obs.cam(function, 0) for function in act.functions] or [np.ones(len(total))]
-            total -= obs.forces[:, i] * (act.vectors[:, 0] @ np.array(weights))
-        return total
-
-    return torque
 
 
 def free_running(

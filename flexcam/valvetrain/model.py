@@ -50,6 +50,8 @@ class Model:
         Damping of the whole structure.
     probes
         Output points: named nodes or points of rockers.
+    reactions
+        Supports whose reactions are channels.
     superelements
         Elastic bodies between nodes by name, by their matrices; the mesh has their nodes as `bodies`.
     rigid_links
@@ -75,6 +77,7 @@ class Model:
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     damping: Damping = field(default_factory=Damping)
     probes: tuple[str, ...] = ()
+    reactions: tuple[str, ...] = ()
     superelements: Mapping[str, Superelement] = field(default_factory=dict[str, Superelement])
     rigid_links: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
     bearings: Mapping[str, FilmBearing] = field(default_factory=dict[str, FilmBearing])

@@ -24,6 +24,7 @@ GUIDE = 'friction.guide={ at = "valve", direction = "uy", force = "8 N" }'
 FILM = 'film = { diameter = "26 mm", length = "15 mm", radial_clearance = "30 um", viscosity = "10 mPa s" }'
 DRIVE = 'springs.chain={ at = "rear", direction = "rx", stiffness = "5 kN m/rad" }'
 MORE = {
+    "checks/cantilever": ['output.reactions=["root"]'],
     "direct-acting/bucket": [f"contacts.intake.lubrication={{{OIL}}}"],
     "direct-acting/finger": [GUIDE, DRIVE, f'bearings.front={{ at = "front", {FILM} }}'],
 }

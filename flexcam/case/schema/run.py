@@ -317,11 +317,12 @@ class OutputRecord(Record):
     """Saved quantities and instants."""
 
     probes: list[Name] = Field(default=[], description="points saved at every step")
+    reactions: list[Name] = Field(default=[], description="points whose support reactions are saved at every step")
     field_every: int = Field(
         20, ge=1, le=1_000_000_000, strict=True, description="number of steps between saved fields"
     )
 
-    @field_validator("probes")
+    @field_validator("probes", "reactions")
     @classmethod
     def _check_duplicates(cls, names: list[str]) -> list[str]:
         if twice := [name for name in names if names.count(name) > 1]:
