@@ -325,10 +325,17 @@ def check_response(case: Case, response: Response, *, rigid: bool = False) -> li
 
 def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], stats: Stats) -> list[str]:
     """Return warnings about a run."""
+    return [
+        *check_input(ready, required_steps(ready, monitor)),
+        *describe_model_limits(ready),
+        *check_motion(ready, monitor, metrics, stats),
+    ]
+
+
+def check_motion(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], stats: Stats) -> list[str]:
+    """Return warnings about the motion of a run: events, contacts, accuracy, resolution."""
     revolved, steps = has_whole_revolution(ready, stats.steps), required_steps(ready, monitor)
     return [
-        *check_input(ready, steps),
-        *describe_model_limits(ready),
         *check_events(metrics),
         *(_check_open_lashes(ready.model, metrics) if revolved else ()),
         *(_check_seating(ready.model, metrics) if revolved else ()),

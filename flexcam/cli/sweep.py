@@ -49,11 +49,14 @@ def _is_varying(values: FloatArray) -> bool:
 def _describe_sweep(table: SweepTable) -> list[str]:
     alike = table.scalars and not any(_is_varying(values) for values in table.scalars.values())
     words = ["every result has the same value in all variants; the files list them"] if alike else list[str]()
-    for cause, rows in _failures(table).items():
+    endings = {f"failed ({cause})": rows for cause, rows in _failures(table).items()}
+    for ending, rows in {**endings, "ran with warnings": table.warned}.items():
         numbers = ", ".join(str(i + 1) for i in rows[:_MAX_LISTED])
         rest = f" and {len(rows) - _MAX_LISTED} more" if len(rows) > _MAX_LISTED else ""
-        noun, first = "variant" if len(rows) == 1 else "variants", table.statuses[rows[0]]
-        words.append(f"{len(rows)} of {len(table)} failed ({cause}): {noun} {numbers}{rest}. The first: {first.text}")
+        noun = "variant" if len(rows) == 1 else "variants"
+        if rows:
+            first = table.statuses[rows[0]].text
+            words.append(f"{len(rows)} of {len(table)} {ending}: {noun} {numbers}{rest}. The first: {first}")
     return words
 
 
@@ -69,6 +72,7 @@ def _sweep_json(table: SweepTable, status: Status) -> dict[str, object]:
         "message": "the sweep is complete" if status.ok else status.text,
         "variants": len(table),
         "failed": {cause: [i + 1 for i in rows] for cause, rows in _failures(table).items()},
+        "warned": len(table.warned),
         "inputs": {column.name: column.unit for column in table.inputs},
         "scalars": {
             name: {"unit": table.units[name], "least": float(np.nanmin(values)), "largest": float(np.nanmax(values))}

@@ -80,6 +80,11 @@ class SweepTable:
         """Indices of the variants with incomplete runs."""
         return tuple(i for i, status in enumerate(self.statuses) if not status.ok)
 
+    @property
+    def warned(self) -> tuple[int, ...]:
+        """Indices of the variants with complete runs that gave warnings."""
+        return tuple(i for i, status in enumerate(self.statuses) if status.ok and "Warning: " in status.text)
+
     def select(self, names: Sequence[str]) -> SweepTable:
         """Return the table with only the given scalars."""
         if self.scalars and (unknown := [name for name in names if not is_scalar_prefix(name, self.scalars)]):

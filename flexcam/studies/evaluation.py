@@ -3,8 +3,9 @@
 ``probes.POINT.SERIES.largest`` (of a component: ``probes.POINT.COMPONENT.SERIES.largest``) is the maximum absolute
 displacement, velocity or acceleration in the last revolution, of the dense output. ``deviation.peak`` and
 ``deviation.rms`` are the deviations of the whole run from the rigid train at the default probe, relative to the lift.
-``energy.residual.largest`` is the residual of the energy balance. ``HISTORY.rms`` and ``HISTORY.pnorm_8`` are p-norms
-of a channel or of the motion of a probe, computed only on request. All others are metrics of
+``energy.residual.largest`` is the residual of the energy balance. ``periodicity`` is the difference of the default
+probe between the last two revolutions, relative to its range. ``HISTORY.rms`` and ``HISTORY.pnorm_8`` are p-norms of a
+channel or of the motion of a probe, computed only on request. All others are metrics of
 `flexcam.valvetrain.train_metrics`.
 """
 
@@ -22,7 +23,8 @@ from flexcam.analysis.comparison import compare
 from flexcam.analysis.model_choice import select_case
 from flexcam.analysis.preparation import PreparedRun, build_problem, prepare, scalar_probe
 from flexcam.analysis.run import open_result_file
-from flexcam.analysis.run_metrics import compute_metrics
+from flexcam.analysis.run_checks import RunMonitor, check_lobes, check_motion, check_transient
+from flexcam.analysis.run_metrics import compute_metrics, revolution_change
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
@@ -35,6 +37,7 @@ from flexcam.dynamics import (
     Outline,
     Response,
     SaveAt,
+    Sink,
     Status,
     component_unit,
     outline,
@@ -49,7 +52,7 @@ from flexcam.valvetrain import Metric, Model, rigid_motion, train_metric_names
 
 _NORM = re.compile(r"(.+)\.(?:rms|pnorm_([2-9]|[1-9]\d))$")
 _DEVIATIONS = ("deviation.peak", "deviation.rms")
-_RESIDUAL = "energy.residual.largest"
+_RESIDUAL, _PERIODICITY = "energy.residual.largest", "periodicity"
 
 
 def compute_scalars(ready: PreparedRun, response: Response, names: Sequence[str] | None = None) -> list[Metric]:
@@ -62,13 +65,15 @@ def compute_scalars(ready: PreparedRun, response: Response, names: Sequence[str]
     ]
     if (residual := response.channels.get("energy.residual")) is not None:
         figures.append(Metric(_RESIDUAL, float(np.abs(residual).max(initial=0.0)), "J"))
+    if (kinds is None or _PERIODICITY in kinds) and (change := revolution_change(ready, response)) is not None:
+        figures.append(Metric(_PERIODICITY, change.motion, "1"))
     figures += _norms(ready, response, names or ())
     return [figure for figure in figures if np.isfinite(figure.value)]
 
 
 def are_probe_scalars(names: Sequence[str]) -> bool:
     """Return whether all scalars concern the motion of probes, so that no other results are required."""
-    return bool(names) and all(name.partition(".")[0] in ("probes", "deviation") for name in names)
+    return bool(names) and all(name.partition(".")[0] in ("probes", "deviation", _PERIODICITY) for name in names)
 
 
 def scalar_names(case: Case, asked: Sequence[str] = ()) -> list[str]:
@@ -80,7 +85,9 @@ def scalar_names(case: Case, asked: Sequence[str] = ()) -> list[str]:
     histories = history_units(output)
     names += [name for name in asked if (norm := _NORM.match(name)) and norm[1] in histories]
     compared = case.record.fidelity.model != "rigid" and bool(case.record.output.probes) and bool(model.cam_contacts)
-    return [*names, *(_DEVIATIONS if compared else ()), *(() if system.prescribed_motion else (_RESIDUAL,))]
+    repeated = (_PERIODICITY,) if case.record.run.revolutions >= 2.0 else ()
+    residual = () if system.prescribed_motion else (_RESIDUAL,)
+    return [*names, *(_DEVIATIONS if compared else ()), *residual, *repeated]
 
 
 def history_units(named: Outline) -> dict[str, str]:
@@ -152,24 +159,38 @@ def evaluate(
     def run() -> Row:
         variant, choice = select_case(case, until)
         ready = prepare(variant, model=model, until=until)
-        sinks = [] if folder is None else [open_result_file(ready, folder)]
-        alone = sinks or runs == 1 or ready.problem.system.local_forces
+        sinks: list[Sink] = [] if folder is None else [open_result_file(ready, folder)]
+        alone = bool(sinks or runs == 1 or ready.problem.system.local_forces)
         save = ready.save if alone else _SPARSE_OUTPUT
         balanced = bool(sinks) or names is None or any(name.startswith("energy.") for name in names)
         save = replace(save, channels=channels or bool(sinks), energies=balanced)
+        monitor = RunMonitor.of(replace(ready, save=save))
+        if names is None:  # the few fields of sparse output do not show the resolution
+            sinks += monitor.sinks if alone else monitor.sinks[:1]
         response = solve(replace(ready.problem, runs=runs), ready.scheme, save=save, sinks=sinks, until=until)
         if not response.status.ok:
             return Row(response.status)
         figures = compute_scalars(ready, response, names)
         values, units = {f.name: f.value for f in figures}, {f.name: f.unit for f in figures}
+        warnings = _short_warnings(ready, monitor, response, figures) if names is None else []
         if choice is None:
-            return Row(response.status, values, units)
+            return Row(Status(text=" | ".join(warnings)) if warnings else response.status, values, units)
         words = f"{choice.evaluation.rung}, {choice.evaluation.steps} steps per revolution"
-        met = Status(text=f"chosen within the tolerance: {words}")
+        met = Status(text=" | ".join([f"chosen within the tolerance: {words}", *warnings]))
         missed = Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}; that is {words}")
         return Row(met if choice.is_met else missed, values, units)
 
     return catch_all_errors(run)
+
+
+def _short_warnings(ready: PreparedRun, monitor: RunMonitor, response: Response, figures: list[Metric]) -> list[str]:
+    """Return the warnings about the lobes and the motion of a run, without their remedies."""
+    sentences = [
+        *check_lobes(ready.model),  # other checks of the input concern the case rather than a variant
+        *check_motion(ready, monitor, figures, response.stats),
+        *check_transient(ready, revolution_change(ready, response)),
+    ]
+    return [sentence.partition("; ")[0] for sentence in sentences]
 
 
 def evaluate_chunk(

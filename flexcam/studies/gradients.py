@@ -63,6 +63,7 @@ CHAOTIC_GROWTH = 1e3  # growth of a disturbance over a run above which derivativ
 _PERIODIC = 1e-6  # relative residual of a periodic start above which its derivative does not exist
 _SIMILAR_RUNS = 10  # number of runs whose time the derivatives of a run take, for the selection of the engine
 COUNTED = (".bounces", ".open_on_the_lift")  # ends of the names of results that count, and have no derivative
+RESIDUALS = ("energy.", "periodicity")  # beginnings of the names of results that are not derived along the motion
 _RATES = (".velocity", ".acceleration")  # ends of the names of histories that a point without mass does not have
 _PROBE_KINDS = {"probes", "deviation"}  # first parts of the names of scalars that need no channels
 _EXTREMES = 8  # number of other local extremes of a history that a search uses

@@ -24,7 +24,7 @@ from flexcam.core import FloatArray, IntArray, Triplets
 from flexcam.core.errors import InputError, parse_all, refuse
 from flexcam.core.units import DIMENSIONS, parse
 from flexcam.dynamics import RunFailedError, modes
-from flexcam.studies.gradients import COUNTED, compute_gradient, exact_refusal, make_neighbours
+from flexcam.studies.gradients import COUNTED, RESIDUALS, compute_gradient, exact_refusal, make_neighbours
 from flexcam.studies.plan import Row, Sample, check_power_of_two, check_seed
 from flexcam.studies.quantities import compute_quantities, frequency_number, is_run_scalar, require_complete
 from flexcam.studies.variables import Runs, column, duplicate_key_faults
@@ -162,14 +162,14 @@ def exact_names(
     of_runs = [name for name in names if is_run_scalar(case, name)]
     if method == "differences":
         return []
-    counted = [name for name in of_runs if name.endswith(COUNTED) or name.startswith("energy.")]
+    counted = [name for name in of_runs if name.endswith(COUNTED) or name.startswith(RESIDUALS)]
     if method is None:
         return [] if exact_refusal(case) else [name for name in of_runs if name not in counted]
     if why := exact_refusal(case):
         raise refuse(option, case.name, "a case whose runs have exact derivatives", why, other)
     limits = [name for name in names if name.startswith("limits.")]
     for name in (counted + limits)[:1]:
-        why = "it is a residual" if name.startswith("energy.") else "it counts events or instants"
+        why = "it is a residual" if name.startswith(RESIDUALS) else "it counts events or instants"
         why = "a limit is the result of a search" if name in limits else why
         raise refuse(option, name, "a result with an exact derivative", why, other)
     return of_runs

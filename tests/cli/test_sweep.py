@@ -352,3 +352,17 @@ def test_sweep_table_of_other_format_is_refused(flexcam, case, tmp_path):
         form[...] = np.full(form.shape, b"2", dtype=form.dtype)
     with pytest.raises(InputError, match="An earlier flexcam wrote it"):
         read_table(path)
+
+
+def test_rows_of_runs_with_warnings_have_them_in_message(flexcam, tmp_path):
+    """The follower loses contact only at the higher speed."""
+    words = ("sweep", ROOT / "cases/pushrod-engine/intake.toml", "--set", "run.crank_speed=3000,6500rpm", "--set",
+             "run.steps_per_revolution=1440", "--workers", "0", "--overwrite", "-o", tmp_path)  # fmt: skip
+    done = flexcam(*words)
+    assert "1 of 2 ran with warnings: variant 2. The first: Warning: the follower of 'intake' loses contact" in done.out
+    assert flexcam(*words, "--json").json["warned"] == 1
+    for name in ("intake.sweep.h5", "intake.sweep.csv"):
+        table = read_table(tmp_path / name)
+        assert [status.message == "" for status in table.statuses] == [True, False]
+        assert table["periodicity"].max() < 0.1
+    assert "periodicity" not in flexcam(*words, "--set", "run.revolutions=1").out
