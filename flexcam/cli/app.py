@@ -11,6 +11,7 @@ import os
 import platform
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import wraps
 from importlib.metadata import version
@@ -21,10 +22,12 @@ import numpy as np
 from cyclopts import App, Parameter
 
 from flexcam import __version__, plotting
+from flexcam.analysis.preparation import prepare_without_periodic_search
+from flexcam.analysis.run_checks import check_input
 from flexcam.case.case import Case
 from flexcam.case.fault_report import parse_toml
 from flexcam.case.reader import read_case
-from flexcam.core.errors import Fault, InputError, collect_errors, refuse
+from flexcam.core.errors import Fault, FlexcamError, InputError, collect_errors, refuse
 from flexcam.core.units import RPM, UnitSystem, parse, set_unit_system
 from flexcam.dynamics import Cause, Status
 from flexcam.io import check_writable, write_text
@@ -177,6 +180,13 @@ def warn_ignored_keys(overrides: Sequence[str] | None, case: Case | None = None)
         if case is not None and command in commands and (changed := [key for key in ignored if key in given]):
             places, has = [case.place(("fidelity", key)) for key in changed], "has" if len(changed) == 1 else "have"
             print_message(f"Note: {', '.join(places)} {has} no effect in {command}: {why}")
+
+
+def warn_input(case: Case) -> None:
+    """Print the warnings about a case before its runs, those of ``flexcam check``."""
+    with suppress(FlexcamError):  # of a case that cannot be prepared: the command reports it
+        for warning in check_input(prepare_without_periodic_search(case)):
+            print_message(warning)
 
 
 def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:

@@ -69,6 +69,7 @@ def compare(
         read = cli.load_beams(case, overrides)
         speeds = cli.spaced_speeds(lowest, highest, 8 if count is None else count, read)
         cli.check_targets(None, plot, overwrite=overwrite)
+        cli.warn_input(read)
         return _compare_over_speed(read, speeds, part, contact)
     if against is not None:
         return _compare_pair(case, against, probe, overrides)
@@ -77,6 +78,7 @@ def compare(
         raise refuse("compare", str(case), "a case file (.toml), or a result with --against", "", remedy)
     read = cli.load_beams(case, overrides)
     at = scalar_probe(prepare(read), probe)
+    cli.warn_input(read)
     result = comparison.deviation(read, at)
     published = any(contact.model == "published-load" for contact in read.record.contacts.values())
     mode_hz = comparison.excited_mode(read) if published else None
@@ -90,6 +92,8 @@ def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Ov
     if overrides and first.is_result and second.is_result:
         why = "results cannot be changed"
         raise refuse("--set", overrides[0], "--set only with a case", why, "give the case, or leave --set out")
+    if not first.is_result:
+        cli.warn_input(first.case)
     run = first.response if first.is_result else _run(first.case)
     at = scalar_probe(first.ready, probe)
     if second.is_result:
@@ -183,6 +187,7 @@ def trade(
         lambda: cli.check_targets(csv, plot, case, overwrite=overwrite),
     )
     at = scalar_probe(prepare(read), probe)
+    cli.warn_input(read)
     with show_count(None, "models") as advance:
         reference, models = evaluate_ladder(read, at, repeats=repeats, advance=advance)
     warnings, errors = fidelity.trade_warnings(reference, models), fidelity.reference_errors(reference)

@@ -57,6 +57,7 @@ def fit(
     if not allow_large:
         check_case_resources(read, together=workers)
     variables, data = variables_of(read, vary, "--vary"), read_measurement(to, read, column or (), noise or ())
+    cli.warn_input(read)
     with (
         show_count(None, "runs") as advance,
         open_evaluators(file, fixed, partial(curve_row, measured=data), workers=workers, advance=advance) as (runs,),

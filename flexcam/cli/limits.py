@@ -15,7 +15,7 @@ from rich.table import Table
 
 from flexcam import plotting
 from flexcam.analysis.limits import LIMITS, Search, find_limits
-from flexcam.analysis.run_checks import check_lobes, describe_change
+from flexcam.analysis.run_checks import describe_change
 from flexcam.analysis.run_metrics import compute_margins
 from flexcam.analysis.stability import (
     MIN_FORCE_RATIO,
@@ -89,6 +89,7 @@ def limits(
     cutoff = cli.parse_optional("--low-pass", low_pass, "frequency", "Hz")
     search = replace(search, bounce_height=height, lift_deviation=deviation, low_pass=cutoff)
     cli.check_number("--workers", workers)
+    cli.warn_input(read)
     of_map = {"--over": over, "--and": beside, "--limit": which, "--csv": csv, "--plot": plot}
     if options := [name for name, value in of_map.items() if value is not None]:
         if over is None:
@@ -105,7 +106,7 @@ def limits(
     with show_count(None, "runs") as advance, open_speed_runs(read, search, count) as runs:
         result = find_limits(read, replace(search, nearby=True), start=runs, ahead=_AHEAD * count, advance=advance)
     margins, model = compute_margins(read), build_model(read)
-    parts: list[Table | str] = [limits_table(result, margins, scale), *check_lobes(model)]
+    parts: list[Table | str] = [limits_table(result, margins, scale)]
     if any(limit.rpm is not None for limit in result.limits.values()):
         parts.append(limits_legend(result))
     if "loss_of_contact" not in result.limits:
@@ -336,6 +337,7 @@ def stability(
     the crankshaft if the case gives crank_speed, otherwise those of the camshaft.
     """
     read = cli.load_beams(case, overrides)
+    cli.warn_input(read)
     scale = read.turns
     contacts = {contact.model for contact in read.record.contacts.values()} & {"unilateral", "bilateral"}
     if lowest is None and highest is None and plot is None:

@@ -95,6 +95,7 @@ def modes(
         lambda: cli.check_number("--count", count),
         lambda: None if folder is None else check_folder_name(folder),
     )
+    cli.warn_input(read)
     model_modes = natural_modes.modes(read, count, prestress=prestress)
     warnings = [*filter(None, [model_modes.modes.describe_rounding()])]
     criterion, node_count = None, 0
@@ -264,6 +265,7 @@ def campbell(
         lambda: cli.check_targets(csv, plot, case, overwrite=overwrite),
     )
     speeds = cli.spaced_speeds(lowest, highest, count, read)
+    cli.warn_input(read)
     if response:
         return _orders_of_response(read, speeds, _select_signals(read, channels, probes), numbers[-1])
     return modes_over_speed(read, speeds, numbers, 8 if modes is None else modes, contact)

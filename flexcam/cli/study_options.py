@@ -48,6 +48,7 @@ class StudyOptions:
         check_names(self.case, self.names, option)
         if not allow_large and any(frequency_number(name) is None for name in names):
             check_case_resources(self.case, together=workers)
+        cli.warn_input(self.case)
 
     def initial_quantities(self, count: int) -> dict[str, Metric]:
         """Return the requested quantities of the unchanged case; unknown names raise an error."""

@@ -20,7 +20,7 @@ from flexcam.io import check_folder_name
 from flexcam.io.sweep_table import SweepTable
 from flexcam.report.terminal import plain_table, show_count
 from flexcam.studies.executors import LOCAL, ClusterWorkers, ProcessWorkers, SerialWorkers, Workers, count_cores
-from flexcam.studies.plan import MAX_VARIANTS
+from flexcam.studies.plan import MAX_VARIANTS, open_case
 from flexcam.studies.sweep import OutputTarget, check_sweep_resources, make_sweep, run_sweep_to_files
 
 _WORKERS = Group("Workers and limits", sort_key=1)
@@ -131,6 +131,7 @@ def sweep(
     if not allow_large:
         at_once = 1 if scheduler or workers == 0 else workers or count_cores()
         check_sweep_resources(study, folder if histories else None, together=at_once)
+    cli.warn_input(open_case(study.bundle).read(study.plan.variants[0]))
     with show_count(len(study.plan), "variants") as advance:
         table, files = run_sweep_to_files(study, target, runners, advance=advance)
     status = cli.joint_status(table.statuses, "variants")

@@ -287,6 +287,31 @@ def test_run_prints_and_stores_warnings(tmp_path, capsys):
     assert "7.8 g/cm^3" in read_result(tmp_path / "inline.vtkhdf").about["warnings"]
 
 
+COARSE = "run.steps_per_revolution=360"
+STUDIES = {
+    "campbell": ("--count", "2", "--orders", "1"),
+    "compare": (),
+    "fit": ("--to", "curve.csv", "--vary", "springs.valve.stiffness=30:60kN/m", "--steps", "1"),
+    "limits": ("--workers", "1", "--lowest", "1000rpm", "--highest", "1100rpm"),
+    "modes": (),
+    "optimize": ("--vary", "springs.valve.stiffness=30:60kN/m", "--least", "frequency.1", "--evaluations", "4"),
+    "sensitivity": ("--of", "frequency.1", "--to", "springs.valve.stiffness"),
+    "stability": (),
+    "sweep": ("--set", "springs.valve.stiffness=30,40kN/m", "--workers", "0", "-o", "out"),
+    "trade": ("--repeats", "1"),
+}
+"""Words of commands that run or analyse a case, after the case file."""
+
+
+@pytest.mark.parametrize("command", STUDIES)
+def test_studies_print_input_warnings_once(flexcam, tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    Path("curve.csv").write_text("cam angle [deg],valve displacement [mm]\n0,0\n60,3\n120,0\n")
+    done = flexcam(command, CASE, *STUDIES[command], "--set", "masses.valve.mass=30kg", "--set", COARSE)
+    assert done.err.count("30kg (30 kg) is unusual") == 1, done.err
+    assert "30kg (30 kg) is unusual" not in done.out
+
+
 def test_failed_equilibrium_names_implausible_values():
     """A pushrod of 207 Pa cannot carry the spring force: the cause is the modulus, not the contact."""
     with pytest.raises(RunFailedError, match=r"materials\.steel\.E .*did you mean 207 GPa\?"):
