@@ -66,6 +66,8 @@ def compare(
         why = "not allowed with --lowest, --highest or --plot, which compare all three models"
         cli.refuse_options({"--probe": probe, "--against": against}, why)
         part = positive("--tolerance", parse(tolerance or "5 %", "number", "--tolerance"), "1", zero=True)
+        if part >= 1.0:
+            raise refuse("--tolerance", tolerance, "a share below 1, such as 0.05 or '5 %'", "", "write it as in '5 %'")
         read = cli.load_beams(case, overrides)
         speeds = cli.spaced_speeds(lowest, highest, 8 if count is None else count, read)
         cli.check_targets(None, plot, overwrite=overwrite)

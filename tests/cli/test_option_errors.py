@@ -23,6 +23,7 @@ REFUSED = {
     "speeds of no map": (("stability", INLINE, "--count", "5"), "applies only with --lowest, --highest or --plot"),
     "a negative height": (("limits", ENGINE, "--bounce-height=-1mm"), "zero or more"),
     "a negative part": (("compare", ENGINE, "--lowest", "1000rpm", "--tolerance=-5%"), "--tolerance: got -0.05"),
+    "a part in per cent": (("compare", ENGINE, "--lowest", "1000rpm", "--tolerance", "5"), "Write it as in '5 %'"),
     "a part in mm": (("compare", ENGINE, "--lowest", "1000rpm", "--tolerance", "5mm"), "--tolerance: got '5mm'"),
     "no picture of that kind": (("compare", ENGINE, "--plot", "x.bmp"), ".svg"),
     "a limit over speed": (

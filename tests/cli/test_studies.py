@@ -665,6 +665,7 @@ REFUSED = {
     "a falling interval": ("sensitivity", "--of", "frequency.1", "--to", "masses.valve.mass=90:80g", "--sobol", "8"),
     "no width": ("sensitivity", "--of", "frequency.1", "--tolerance", "masses.valve.mass=±0%"),
     "no scatter": ("sensitivity", "--of", "frequency.1", "--tolerance", "masses.valve.mass=5"),
+    "no unit": ("sensitivity", "--of", "frequency.1", "--tolerance", "masses.valve.mass=±0.001"),
     "other unit": ("sensitivity", "--of", "frequency.1", "--tolerance", "masses.valve.mass=±5mm"),
     "more than all of it": ("sensitivity", "--of", "frequency.1", "--tolerance", "masses.valve.mass=±150%"),
     "too wide a normal": ("sensitivity", "--of", "frequency.1", "--tolerance", "masses.valve.mass=normal:±70%"),
