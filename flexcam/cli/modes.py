@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import chain, zip_longest
+from itertools import chain, pairwise, zip_longest
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -39,6 +39,19 @@ def _elastic_modes(modes: ModelModes, count: int) -> list[tuple[float, str]]:
     frequencies: list[float] = modes.modes.frequencies.tolist()
     first = modes.modes.rigid
     return [(frequencies[i], modes.words(i)) for i in range(len(frequencies))[first : first + count]]
+
+
+_EQUAL = 1e-6  # relative difference of frequencies that is rounding
+
+
+def _explain_equal_frequencies(states: Sequence[Sequence[tuple[float, str]]]) -> list[str]:
+    """Explain equal frequencies of adjacent modes in which the same member bends."""
+    for (low, first), (high, second) in chain.from_iterable(map(pairwise, states)):
+        member, bends, _ = first.partition(" bending ")
+        if bends and second.startswith(f"{member} bending ") and high - low <= _EQUAL * high:
+            why = "with equal stiffness and supports in two planes"
+            return [f"Equal frequencies: a member {why}, such as {member}, bends in both at the same frequency."]
+    return []
 
 
 def _closed_mode_table(contact: str, states: Sequence[list[tuple[float, str]]], turns: float) -> Table:
@@ -112,7 +125,7 @@ def modes(
     moves = [model_modes.words(i) for i in range(len(model_modes.shares))]
     states = {cam.contact: [_elastic_modes(state, count) for state in (cam.base_circle, cam.full_lift)]
               for cam in closed}  # fmt: skip
-    closed_moves = [words for of_cam in states.values() for elastic in of_cam for _, words in elastic]
+    listed = [_elastic_modes(model_modes, len(moves)), *chain.from_iterable(states.values())]
     first = model_modes.modes.rigid + 1
     columns = f"ux, uy, uz {to_display_unit('kg')[1]}: effective mass of the mode for base excitation along x, y, z. "
     columns += f"{shaft_name(read.turns)} rpm: speed at which the camshaft turns once per period of the mode."
@@ -122,7 +135,8 @@ def modes(
     parts = [
         *([table, columns + note] if moves else [f"{read.title}: {none}"]),
         *(_closed_mode_table(contact, of_cam, read.turns) for contact, of_cam in states.items()),
-        *explain_planes([*moves, *closed_moves]),
+        *explain_planes([*moves, *(words for elastic in listed for _, words in elastic)]),
+        *_explain_equal_frequencies(listed),
         *warnings,
         *filter(None, [missing]),
     ]

@@ -173,6 +173,22 @@ def test_modes_and_check_name_bending_planes_by_global_axes(flexcam):
     assert "local:" not in flexcam("modes", case, "--count", "4").out
 
 
+def test_equal_frequencies_of_two_planes_are_explained_once(flexcam, tmp_path):
+    case = tmp_path / "rod.toml"
+    case.write_text("""
+format = 1
+nodes = { base = [0, 0, 0], tip = [0.3, 0, 0] }
+materials.steel = { E = 207e9, nu = 0.29, density = 7800 }
+sections.bar = { shape = "circle", diameter = "8 mm" }
+members.rod = { nodes = ["base", "tip"], elements = 4, material = "steel", section = "bar" }
+supports.base = ["ux", "uy", "uz", "rx", "ry", "rz"]
+run = { speed = "100 rpm" }
+""", encoding="utf-8")  # fmt: skip
+    assert flexcam("modes", case).out.count("Equal frequencies: ") == 1
+    stiffer = 'sections.bar={shape="rectangle", width_y="8 mm", width_z="12 mm"}'
+    assert "Equal frequencies" not in flexcam("modes", case, "--set", stiffer).out
+
+
 def test_effective_mass_of_train_with_rocker(flexcam, case):
     """(phi' M r)^2 / (phi' M phi) of the train as one body on the valve spring: the pushrod is rigid to 0.1 %.
 
