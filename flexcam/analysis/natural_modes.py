@@ -19,7 +19,7 @@ from flexcam.analysis.orders import run_over_speeds
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.stability import Resonance, force_harmonics, lift_harmonics
 from flexcam.case.builder import build_model
-from flexcam.case.case import Case
+from flexcam.case.case import Case, require_case
 from flexcam.case.schema.contacts import CamContactRecord
 from flexcam.core import FloatArray, Triplets
 from flexcam.core.errors import InputError, refuse, suggest_name
@@ -68,6 +68,7 @@ def modes(
     --------
     ``flexcam.modes(case).words(1)`` describes the second mode.
     """
+    require_case(case)
     if count is not None and count < 1:
         raise refuse("count", count, "a whole number, at least 1")
     if prestress is None:

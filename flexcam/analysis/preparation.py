@@ -10,7 +10,7 @@ import numpy as np
 
 from flexcam.analysis.resources import check_mesh_memory
 from flexcam.case.builder import build_model
-from flexcam.case.case import Case
+from flexcam.case.case import Case, require_case
 from flexcam.case.input_checks import check_values
 from flexcam.case.problem_builder import (
     build_equations,
@@ -201,6 +201,7 @@ def prepare(
     --------
     ``prepare(case).problem.system`` is the `System` of a case, for custom studies.
     """
+    require_case(case)
     kind = "rigid" if rigid else case.record.fidelity.model
     with _all_faults(case):
         model, system, chain = _build_equations(case, model, kind, allow_large=allow_large)
@@ -252,6 +253,7 @@ def _all_faults(case: Case) -> Generator[None]:
 
 def prepare_without_periodic_search(case: Case, near: PreparedRun | None = None) -> PreparedRun:
     """Prepare a case as `prepare`; a periodic initial state, which is expensive, is replaced by equilibrium."""
+    require_case(case)
     if case.record.run.start != "periodic":
         return prepare(case, near=near)
     ready = replace(prepare(case.with_run({"start": "equilibrium"}), near=near), case=case)

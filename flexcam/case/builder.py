@@ -12,7 +12,7 @@ import numpy as np
 
 from flexcam import valvetrain
 from flexcam.cams import Follower, Turn, unique_event
-from flexcam.case.case import Case, CaseRecord
+from flexcam.case.case import Case, CaseRecord, require_case
 from flexcam.case.cross_checks import mesh_faults, model_faults
 from flexcam.case.fault_report import KeyLocations, check_record, parse_toml
 from flexcam.case.schema import contacts, parts
@@ -83,6 +83,7 @@ def build_model(case: Case) -> valvetrain.Model:
     --------
     ``build_model(read_case("cases/tayeb/model-3-shm.toml")).mesh.lines["pushrod"]`` contains the nodes of the pushrod.
     """
+    require_case(case)
     record = case.record
     mesh = _mesh(case)
     geometry = _Geometry(record, mesh)

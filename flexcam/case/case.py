@@ -34,7 +34,7 @@ from flexcam.case.schema.parts import (
 )
 from flexcam.case.schema.run import FidelityRecord, NewmarkRecord, OutputRecord, PhaserRecord, RunRecord
 from flexcam.case.schema.springs import SpringRecord
-from flexcam.core.errors import InputError
+from flexcam.core.errors import InputError, refuse
 from flexcam.core.html import html_table
 from flexcam.core.units import DIMENSIONS, shaft_speed
 from flexcam.fem.mesh import Mesh
@@ -347,3 +347,11 @@ class Case:
             Such as ``run.speed (line 62)``.
         """
         return self.places.place(path)
+
+
+def require_case(case: object) -> None:
+    """Raise an error if an argument of the public interface is no case, such as the path of its file."""
+    if not isinstance(case, Case):
+        given = repr(str(case)) if isinstance(case, str | Path) else type(case).__name__
+        remedy = f"read it first: flexcam.read_case({given if isinstance(case, str | Path) else 'path'})"
+        raise refuse("case", given, "a Case", "", remedy)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -64,6 +65,19 @@ for first in sys.argv[1:]:
     if os.wait()[1]:
         print(first, "failed", file=sys.stderr, flush=True)
 """
+
+
+@pytest.mark.parametrize("path", ["case.toml", Path("case.toml")])
+@pytest.mark.parametrize("name", ["build_model", "check_response", "modes", "prepare", "run"])
+def test_path_instead_of_case_is_refused(name, path):
+    others = (None,) if name == "check_response" else ()
+    with pytest.raises(flexcam.InputError, match=r"case: got 'case.toml', .*read_case\('case.toml'\)"):
+        getattr(flexcam, name)(path, *others)
+
+
+def test_modes_with_prestress_refuse_path():
+    with pytest.raises(flexcam.InputError, match="read_case"):
+        flexcam.modes("case.toml", prestress="rest")
 
 
 def test_functions_are_not_hidden_by_modules():
