@@ -27,6 +27,7 @@ from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.problem_builder import steps_per_revolution
 from flexcam.case.reader import CaseFile
+from flexcam.case.schema.contacts import BilateralRecord, UnilateralRecord
 from flexcam.case.variants import Number, get_number
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
@@ -37,15 +38,17 @@ from flexcam.studies.evaluation import are_probe_scalars, evaluate, get_history,
 from flexcam.studies.executors import KILLED_STATUS, BrokenProcessPool, open_evaluators, open_processes
 from flexcam.studies.plan import Axis, Plan, Row, Value, make_plan
 from flexcam.studies.variables import Runs, column
-from flexcam.valvetrain import Metric, build_structure, model_modes
+from flexcam.valvetrain import Metric, build_structure, model_modes, modes_on_the_lift
 
 _FREQUENCY = re.compile(r"frequency\.([1-9]\d{0,2})$")
+_CLOSED = re.compile(r"contacts\.(.+)\.(base_circle|full_lift)\.frequency\.[1-9]\d{0,2}$")
 _CAM = re.compile(r"cams\.(.+)\.(area|velocity|acceleration|deceleration|jerk)$")
 _MULTIPLIER = re.compile(r"multiplier\.([1-9]\d{0,2})$")
 _LIMIT, _STATIC = re.compile(r"limits\.(.*)"), re.compile(r"static\.(.*)")
 _Matches = Mapping[str, re.Match[str]]  # names of one kind of quantity
 _KINDS = (
-    "frequency.N or multiplier.N (Floquet) with N from 1; limits.NAME; cams.NAME.area; static.CHANNEL; CHANNEL.rms; "
+    "frequency.N, contacts.NAME.full_lift.frequency.N (base_circle; contacts closed) or multiplier.N (Floquet) with N "
+    "from 1; limits.NAME; cams.NAME.area; static.CHANNEL; CHANNEL.rms; "
     "CHANNEL.pnorm_8 (smooth maximum); or a numeric key of the case"
 )
 """Kinds of results in addition to the scalars of a run, for messages."""
@@ -76,7 +79,7 @@ def compute_quantities(
     metrics = dict[str, Metric]()
     for pattern, compute in (
         (_FREQUENCY, _frequencies), (_LIMIT, partial(_limits, search=search, runs=runs)), (_CAM, _cams),
-        (_STATIC, _statics), (_MULTIPLIER, _multipliers),
+        (_STATIC, _statics), (_MULTIPLIER, _multipliers), (_CLOSED, _closed_frequencies),
     ):  # fmt: skip
         if matches := {name: match for name in names if (match := pattern.match(name))}:
             metrics |= compute(case, matches)
@@ -111,6 +114,8 @@ def _is_known_name(case: Case, name: str) -> bool:
     """Return whether a name is that of a frequency, multiplier, cam property, static result or number of the case."""
     if static := _STATIC.match(name):
         return static[1] in history_units(outline(build_problem(case)[1]))
+    if closed := _CLOSED.match(name):
+        return isinstance(case.record.contacts.get(closed[1]), BilateralRecord | UnilateralRecord)
     cam = _CAM.match(name)
     of_a_cam = cam and cam[1] in case.record.cams
     return bool(frequency_number(name) or _MULTIPLIER.match(name) or of_a_cam or _number(case, name))
@@ -143,13 +148,23 @@ def _frequencies(case: Case, matches: _Matches) -> dict[str, Metric]:
     return _select(matches, modes.frequencies[modes.rigid :], "Hz", "the model has no more modes")
 
 
-def _select(matches: _Matches, values: FloatArray, unit: str, why: str) -> dict[str, Metric]:
-    """Return the values of names such as ``frequency.2``, which count from 1."""
-    for name, match in matches.items():
-        if int(match[1]) > len(values):
-            kind = name.partition(".")[0]
+def _closed_frequencies(case: Case, matches: _Matches) -> dict[str, Metric]:
+    """Return natural frequencies with the contacts closed as at the base circle or at full lift of a cam."""
+    model, metrics = build_model(case), dict[str, Metric]()
+    for contact, place in sorted({(match[1], match[2]) for match in matches.values()}):
+        modes = modes_on_the_lift(model, contact, case.speed, base_circle=place == "base_circle").model_modes.modes
+        names = [name for name, match in matches.items() if match.groups() == (contact, place)]
+        metrics |= _select(names, modes.frequencies[modes.rigid :], "Hz", "the model has no more modes")
+    return metrics
+
+
+def _select(matches: Iterable[str], values: FloatArray, unit: str, why: str) -> dict[str, Metric]:
+    """Return the values of names such as ``frequency.2``, which end in numbers from 1."""
+    for name in matches:
+        if int(name.rpartition(".")[2]) > len(values):
+            kind = name.rpartition(".")[0]
             raise refuse("scalar", name, f"{kind}.1 to {kind}.{len(values)}", why)
-    return {name: Metric(name, float(values[int(match[1]) - 1]), unit) for name, match in matches.items()}
+    return {name: Metric(name, float(values[int(name.rpartition(".")[2]) - 1]), unit) for name in matches}
 
 
 def _statics(case: Case, matches: _Matches) -> dict[str, Metric]:

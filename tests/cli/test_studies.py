@@ -710,6 +710,18 @@ def test_studies_refuse_invalid_options(flexcam, what):
     assert "expected" in done.err or re.search(r"Leave --[a-z-]+ out", done.err)
 
 
+def test_frequencies_with_closed_contacts_are_those_of_modes(flexcam):
+    names = [f"contacts.intake.{place}.frequency.{n}" for place in ("base_circle", "full_lift") for n in (1, 2)]
+    words = [word for name in names for word in ("--of", name)]
+    rows = flexcam("sensitivity", ENGINE, *words, "--to", "springs.valve.stiffness", "--json").json["derivatives"]
+    closed = flexcam("modes", ENGINE, "--json").json["closed"]["intake"]
+    expected = [closed[f"{place}_hz"][n] for place in ("base_circle", "full_lift") for n in (0, 1)]
+    assert [row["value"] for row in rows] == pytest.approx(expected, rel=1e-9)
+    assert max(row["logarithmic"] for row in rows) == pytest.approx(0.5, abs=0.01)  # spring surge: sqrt(k)
+    of_seat = flexcam("sensitivity", ENGINE, "--of", names[0].replace("intake", "seat"), "--to", "masses.valve.mass")
+    assert of_seat.code == 2
+
+
 def test_interval_without_sobol_is_refused(flexcam):
     done = flexcam("sensitivity", PUBLISHED, "--of", "frequency.1", "--to", "masses.valve.mass=80:90g")
     assert done.code == 2
