@@ -180,7 +180,7 @@ def page() -> str:
 FORMULAS = {
     "polynomial": r"$s = \sum_j a_j z^j$ with given exponents; by default $s(1) = 1$ and as many zero derivatives at 1 as possible",
     "quinquinomial": r"exponents $2,\ 2 + n,\ 2 + 2n,\ 2 + 3n,\ 2 + 4n$ with $n = 3$ times the row",
-    "harmonic": r"$s = z - \sum_n c_n \sin(2\pi n z)/(2\pi n)$; $c_1 = 1$ alone gives the cycloidal law",
+    "harmonic": r"$s = z - \sum_n c_n \sin(2\pi n z)/(2\pi n)$; pairs `[[n, c_n], ...]`; `[[1, 1]]` gives the cycloidal law",
     "harmonic-acceleration": r"$s'' = \sum_n b_n \sin 2\pi n z$, $n$ from 1",
     "cosine": r"$s = \sum_k d_k \cos k\pi z$, $k$ from 0; $d = (1/2, -1/2)$ is the simple harmonic law",
     "fb2": r"rise of a valve cam without dwell: $s'' = A \sin(\pi z/p)$ up to $z = p$, then $-B \sin(\pi (z - p)/(2 (1 - p)))$",

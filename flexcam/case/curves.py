@@ -255,11 +255,11 @@ def _make_law(name: str, parameters: Table) -> Law:
             given = ", ".join(f"{key}={value}" for key, value in parameters.items())
             raise refuse(f"law {name}", given, "no parameters", "it has none", "leave them out")
         raise refuse("law", repr(name), ", ".join(known), "", suggest_name(name, known))
+    record = _parameter_record(kind)
     for key, value in parameters.items():
         if not _is_numeric(value):
-            known = ", ".join(_parameter_record(kind).model_fields)
-            raise refuse(key, format_value(value), f"numbers; the parameters of {name} are {known}")
-    record = _parameter_record(kind)
+            known, why = ", ".join(record.model_fields), _PAIRS if _takes_pairs(record, key) else ""
+            raise refuse(key, format_value(value), f"numbers; the parameters of {name} are {known}", why)
     missing = [key for key, field in record.model_fields.items() if field.is_required() and key not in parameters]
     if missing:
         unknown = [key for key in parameters if key not in record.model_fields]
@@ -273,6 +273,14 @@ def _make_law(name: str, parameters: Table) -> Law:
         raise refuse(missing[0], "nothing", "a value", why, remedy)
     parameters = _validate(record, parameters, f"a parameter of {name}", "law")
     return kind(**parameters)
+
+
+_PAIRS = "it is a list of pairs, a whole number and a number each: [[1, 0.9], [3, 0.1]]"
+
+
+def _takes_pairs(record: type[BaseModel], key: str) -> bool:
+    info = record.model_fields.get(key.partition(".")[0])
+    return info is not None and info.annotation == tuple[tuple[int, float], ...]
 
 
 def _is_numeric(value: object) -> bool:
@@ -308,8 +316,8 @@ def _validate(record: type[BaseModel], table: object, what: str, example: str) -
         why = f"{describe_type_error(error)} is needed there"
         if error["type"] == "extra_forbidden":
             why = "there is no such key"
-        elif info is not None and info.annotation == tuple[tuple[int, float], ...]:
-            why = "it is a list of pairs, a whole number and a number each: [[1, 0.9], [3, 0.1]]"
+        elif _takes_pairs(record, key):
+            why = _PAIRS
         hint = suggest_name(key, record.model_fields) if info is None else ""
         raise refuse(key, format_value(error["input"]), allowed, why, hint) from None
     return {key: getattr(checked, key) for key in record.model_fields}

@@ -190,7 +190,7 @@ def _short_warnings(ready: PreparedRun, monitor: RunMonitor, response: Response,
         *check_motion(ready, monitor, figures, response.stats),
         *check_transient(ready, revolution_change(ready, response)),
     ]
-    return [sentence.partition("; ")[0] for sentence in sentences]
+    return [sentence.rpartition("; ")[0] or sentence for sentence in sentences]
 
 
 def evaluate_chunk(

@@ -49,7 +49,7 @@ def test_suggestions_compare_parts_of_dotted_names(name, meant):
     assert suggest_name(name, known) == f"did you mean {meant}?"
 
 
-@pytest.mark.parametrize("harmonics", [[0.9, 0.1], 0.9, [[1, 0.9, 0.1]], [[1.5, 0.9]]])
+@pytest.mark.parametrize("harmonics", [[0.9, 0.1], 0.9, [[1, 0.9, 0.1]], [[1.5, 0.9]], {"1": 0.9}])
 def test_message_shows_example_of_list_of_pairs(harmonics):
     with pytest.raises(InputError, match=r"pairs, a whole number and a number each: \[\[1, 0.9\], \[3, 0.1\]\]"):
         parse_law({"id": "harmonic", "harmonics": harmonics})
