@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from flexcam.dynamics import (
     Collocation,
     ConstantSpeed,
     Method,
+    PrescribedMotion,
     Probe,
     Problem,
     RunFailedError,
@@ -89,7 +91,7 @@ def scalar_probe(ready: PreparedRun, name: str | None = None) -> str:
 
 def contact_probe(ready: PreparedRun, contact: str | None = None) -> str | None:
     """Return the scalar probe of a rocker, else the first, that the cam of a contact moves, or any cam."""
-    driven = _driven_probes(ready)
+    driven = _driven_probes(ready.model, ready.problem.system.probes, ready.problem.system.prescribed_motion)
     moved = [driven[probe.name] for probe in _ordered_probes(ready) if probe.name in driven]
     return next((probe.component for probe in moved if contact in (None, probe.contact)), None)
 
@@ -113,28 +115,31 @@ class DrivenProbe:
 
 def driven_probe(ready: PreparedRun, probe: str | None = None) -> DrivenProbe | None:
     """Return the default probe of a case, or the one with a given name, as far as a cam moves it."""
-    driven = _driven_probes(ready)
+    driven = _driven_probes(ready.model, ready.problem.system.probes, ready.problem.system.prescribed_motion)
     if probe is not None:
         return driven.get(probe)
     default = scalar_probe(ready)
     return next((candidate for candidate in driven.values() if candidate.component == default), None)
 
 
-def _driven_probes(ready: PreparedRun) -> dict[str, DrivenProbe]:
-    if not ready.model.cam_contacts:
+@lru_cache(maxsize=4)
+def _driven_probes(
+    model: Model, probes: tuple[Probe, ...], prescribed: PrescribedMotion | None
+) -> Mapping[str, DrivenProbe]:
+    if not model.cam_contacts:
         return {}
     try:
-        motion = ready.problem.system.prescribed_motion or rigid_motion(ready.model)
+        motion = prescribed or rigid_motion(model)
         rigid = motion.at(ConstantSpeed(1.0).at(_REVOLUTION_ANGLES))[0]
     except InputError:  # no rigid train exists: the first probe is used
         return {}
     driven: dict[str, DrivenProbe] = {}
-    for probe in ready.problem.system.probes:
+    for probe in probes:
         paths = probe.rows @ rigid.T
         i = int(np.argmax(np.ptp(paths, axis=1)))
         if np.ptp(paths[i]) > _MOTIONLESS:
             sign = 1.0 if paths[i].max() > -paths[i].min() else -1.0
-            contact = driving_contact(ready.model, probe.name)
+            contact = driving_contact(model, probe.name)
             driven[probe.name] = DrivenProbe(probe.name, _component_name(probe, i), sign, contact)
     return driven
 

@@ -196,9 +196,10 @@ class _Bounds:
     def widen(self, rows: FloatArray) -> None:
         """Extend the range by some rows."""
         if len(rows):
-            bounds = [self.least[None], self.largest[None]] if self._has_rows else []
-            values = np.concatenate([rows, *bounds])
-            self.least, self.largest, self._has_rows = values.min(axis=0), values.max(axis=0), True
+            least, largest = rows.min(axis=0), rows.max(axis=0)
+            self.least = np.minimum(self.least, least) if self._has_rows else least
+            self.largest = np.maximum(self.largest, largest) if self._has_rows else largest
+            self._has_rows = True
 
 
 _SLACK = 1e-6

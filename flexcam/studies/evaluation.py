@@ -48,7 +48,7 @@ from flexcam.dynamics import (
 )
 from flexcam.io import temporary_folder
 from flexcam.studies.plan import Bundle, Row, catch_all_errors, evaluate_each
-from flexcam.valvetrain import Metric, Model, rigid_motion, train_metric_names
+from flexcam.valvetrain import Adjuster, Metric, Model, rigid_motion, train_metric_names
 
 _NORM = re.compile(r"(.+)\.(?:rms|pnorm_([2-9]|[1-9]\d))$")
 _DEVIATIONS = ("deviation.peak", "deviation.rms")
@@ -185,10 +185,11 @@ def evaluate(
 
 def _short_warnings(ready: PreparedRun, monitor: RunMonitor, response: Response, figures: list[Metric]) -> list[str]:
     """Return the warnings about the lobes and the motion of a run, without their remedies."""
+    oiled = any(isinstance(part, Adjuster) for part in ready.model.contacts.values())
     sentences = [
         *check_lobes(ready.model),  # other checks of the input concern the case rather than a variant
         *check_motion(ready, monitor, figures, response.stats),
-        *check_transient(ready, revolution_change(ready, response)),
+        *(check_transient(ready, revolution_change(ready, response)) if oiled else ()),
     ]
     return [sentence.rpartition("; ")[0] or sentence for sentence in sentences]
 
