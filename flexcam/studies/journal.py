@@ -45,6 +45,7 @@ _WORDS = {  # the facts that identify a journal
     "case": "the case, or a file it names",
     "plan": "the keys, their values, or how they are sampled",
     "histories": "whether histories are kept",
+    "frequencies": "the natural frequencies among the results",
     "channels": "whether scalars other than those of the probes are computed",
 }
 

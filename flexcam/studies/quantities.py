@@ -65,6 +65,11 @@ def frequency_number(name: str) -> int | None:
     return int(match[1]) if match else None
 
 
+def is_frequency(case: Case, name: str) -> bool:
+    """Return whether a name is that of a natural frequency of a case, with open or closed contacts."""
+    return bool((_FREQUENCY.match(name) or _CLOSED.match(name)) and _is_known_name(case, name))
+
+
 def quantity_row(case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1) -> Row:
     """Return the row with the requested quantities of a case; raise an error if a run fails."""
     metrics = compute_quantities(case, names, search, runs)

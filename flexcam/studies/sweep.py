@@ -29,6 +29,7 @@ from flexcam.studies.plan import (
     Bundle,
     Plan,
     Row,
+    evaluate_each,
     make_bundle,
     make_plan,
     open_case,
@@ -36,6 +37,7 @@ from flexcam.studies.plan import (
     parse_axis,
     parse_sample,
 )
+from flexcam.studies.quantities import is_frequency, quantity_row
 from flexcam.studies.variables import require_units
 
 _QUICK_CHECK_LIMIT = 1000  # variants above which the ends of the axes are checked first: reading a case takes 0.5 ms
@@ -132,6 +134,7 @@ class Sweep:
     scalars: tuple[str, ...] = ()  #: names or prefixes of the scalars to keep; empty for all
     #: whether contacts, members and energies are computed; otherwise only the motion of the probes
     channels: bool = True
+    frequencies: tuple[str, ...] = ()  #: names of requested natural frequencies
     time_limit: float | None = None  #: maximum time of a variant, s; None for no limit
 
     @property
@@ -141,9 +144,10 @@ class Sweep:
 
     def evaluate(self, *, histories: bool = False) -> Evaluate:
         """Return the function that evaluates a chunk."""
-        return partial(
+        run = partial(
             evaluate_chunk, histories=histories, runs=len(self.plan), channels=self.channels, time_limit=self.time_limit
         )
+        return partial(_evaluate_with_frequencies, run, self.frequencies) if self.frequencies else run
 
     def about(self) -> dict[str, str]:
         """Return the metadata of the table: case, plan and versions."""
@@ -165,7 +169,20 @@ class Sweep:
         return {
             "format": 2, "flexcam": __version__, "case": self.bundle.digest, "plan": plan, "histories": histories,
             "variants": len(self.plan), "channels": self.channels,
+            **({"frequencies": [*self.frequencies]} if self.frequencies else {}),
         }  # fmt: skip
+
+
+def _evaluate_with_frequencies(
+    run: Evaluate, names: Sequence[str], source: Bundle | Path, variants: Sequence[tuple[str, ...]]
+) -> list[Row]:
+    """Run consecutive variants in a worker, and add natural frequencies to the rows of complete runs."""
+    rows, modes = run(source, variants), evaluate_each(source, variants, partial(quantity_row, names=names))
+    return [
+        replace(row, scalars={**row.scalars, **mode.scalars}, units={**row.units, **mode.units})
+        if row.status.ok else row
+        for row, mode in zip(rows, modes, strict=True)
+    ]  # fmt: skip
 
 
 def make_sweep(
@@ -192,9 +209,11 @@ def make_sweep(
         where, why = first.place(("fidelity", "estimate")), "a sweep stores no estimates"
         raise refuse(where, "true", "false", why, "--set fidelity.estimate=false")
     names = tuple(scalars or (defaults.scalars if defaults else ()))
-    check_names(file, plan, names)
+    frequencies = tuple(name for name in names if is_frequency(first, name))
+    check_names(file, plan, [name for name in names if name not in frequencies])
     bundle, size = make_bundle(file, plan), chunk_size(plan, first)
-    return Sweep(first.name, first.record.title, plan, bundle, size, names, channels=not are_probe_scalars(names))
+    channels = not are_probe_scalars([name for name in names if name not in frequencies])
+    return Sweep(first.name, first.record.title, plan, bundle, size, names, channels, frequencies)
 
 
 def _check_units(file: CaseFile, axes: Sequence[Axis]) -> None:

@@ -366,3 +366,17 @@ def test_rows_of_runs_with_warnings_have_them_in_message(flexcam, tmp_path):
         assert [status.message == "" for status in table.statuses] == [True, False]
         assert table["periodicity"].max() < 0.1
     assert "periodicity" not in flexcam(*words, "--set", "run.revolutions=1").out
+
+
+def test_frequencies_are_columns_on_request(flexcam, case, tmp_path):
+    words = ("sweep", case, *QUICK, "--set", "springs.valve.stiffness=30,120kN/m", "--workers", "0", "-o", tmp_path)
+    names = "frequency.1,deviation.peak"
+    assert flexcam(*words, "--scalars", names).code == 0
+    table = read_table(tmp_path / "case.sweep.h5")
+    assert sorted(table.scalars) == sorted(names.split(","))
+    assert table.units["frequency.1"] == "Hz"
+    expected = [flexcam("modes", case, "--set", f"springs.valve.stiffness={k}kN/m", "--json").json for k in (30, 120)]
+    hertz = [found["frequencies_hz"][found["free_motions"]] for found in expected]
+    np.testing.assert_allclose(table["frequency.1"], hertz, rtol=1e-12)
+    assert "natural frequencies among the results" in flexcam(*words, "--resume", "--scalars", "frequency.2").err
+    assert flexcam(*words, "--overwrite", "--scalars", "frequency.0").code == 2
