@@ -85,6 +85,7 @@ FAULTS = {
     "point of a rocker named like its start": ('to = "valve"', 'to = "pushrod-top"', "rockers.rocker.to", "'pushrod-top'", ""),
     "inertia at a rocker's point": ('valve = { at = "valve", mass = "0.10 kg" }', 'valve = { at = "valve", mass = "0.10 kg", inertia = [1e-5, 1e-5, 1e-5] }', "masses.valve", "", "inertia"),
     "offset at a rocker's point": ('valve = { at = "valve", mass = "0.10 kg" }', 'valve = { at = "valve", mass = "0.10 kg", offset = ["1 mm", 0, 0] }', "masses.valve", "", "offset"),
+    "moment along a member": ("[springs.valve]", '[loads.twist]\nmember = "pushrod"\ndirection = "rx"\nforce_per_length = "5 N/m"\n[springs.valve]', "loads.twist.direction", "'rx'", "give moments at points"),
     "two signs": ('direction = "uy"', 'direction = "+-uy"', "springs.valve.direction", "'+-uy'", "uy"),
     "direction of length zero": ('direction = "uy"', "direction = [0, 0, 0]", "springs.valve.direction", "0", "zero"),
     "words as a direction": ('direction = "uy"', 'direction = ["a", "b", "c"]', "springs.valve.direction", "a", "three or six numbers"),

@@ -363,6 +363,9 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
         if sizes != 1 or (self.member is not None) != distributed or (self.at is None) != distributed:
             allowed = "either 'at' with one of 'force' and 'table', or 'member' with 'force_per_length'"
             raise value_error(allowed, "a load acts at a point or along a member")
+        if distributed and direction(self.direction)[3:].any():
+            allowed, why = "a component such as 'uy' or '-uy', or three numbers", "a moment cannot be distributed"
+            raise value_error(allowed, why, "give moments at points with 'at' and 'force'", inside="direction")
         for key in ("area", "phase", "repeat") if self.table is None else ():
             if getattr(self, key) is not None:
                 allowed, why = "table together with this key", "the key describes a table"
