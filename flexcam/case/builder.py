@@ -13,7 +13,7 @@ import numpy as np
 from flexcam import valvetrain
 from flexcam.cams import Follower, Turn, unique_event
 from flexcam.case.case import Case, CaseRecord, require_case
-from flexcam.case.cross_checks import mesh_faults, model_faults
+from flexcam.case.cross_checks import joined_points, mesh_faults, model_faults
 from flexcam.case.fault_report import KeyLocations, check_record, parse_toml
 from flexcam.case.schema import contacts, parts
 from flexcam.case.schema.base import Length, Record
@@ -144,13 +144,16 @@ def _mesh(case: Case) -> Mesh:
 
     bodies = {name: numbers(body.nodes.values()) for name, body in record.superelements.items()}
     links = {name: numbers((link.start, *link.to)) for name, link in record.rigid_links.items()}
+    tables = record.model_dump(by_alias=True, include={"springs": True, "contacts": True, "cams": {"__all__": {"at"}}})
+    joined = [[point for point in group if point in points] for group in joined_points(tables)]
+    couplings = {str(i): numbers(group) for i, group in enumerate(joined) if group}
     joints = frozenset(name for name, link in record.rigid_links.items() if not {*ROTATIONS} <= {*link.components})
     try:
         if mesh is None:
             lines = {name: numbers(member.nodes or []) for name, member in record.members.items()}
-            mesh = Mesh(np.array(list(record.nodes.values())), lines, points, bodies, links, joints)
+            mesh = Mesh(np.array(list(record.nodes.values())), lines, points, bodies, links, couplings, joints)
         else:
-            mesh = replace(mesh, bodies=bodies, links=links, joints=joints)
+            mesh = replace(mesh, bodies=bodies, links=links, couplings=couplings, joints=joints)
         return refine(mesh, {name: member.elements for name, member in record.members.items()})
     except InputError as refusal:
         where = case.place(("nodes",) if case.mesh is None else ("mesh",))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -20,7 +21,7 @@ from flexcam.case.schema.parts import LeverRecord
 from flexcam.core.errors import NAME, Fault, InputError, suggest_name
 from flexcam.core.units import parse
 from flexcam.fem.dofs import component, default_orientation, triads
-from flexcam.fem.mesh import Mesh
+from flexcam.fem.mesh import Mesh, coincident_nodes, number_places
 from flexcam.valvetrain import Adjuster, Lash, Model, rocker_of, shaft_axes
 
 Table = Mapping[str, Any]
@@ -41,6 +42,23 @@ _POINT_REFERENCES = (  # table, key and whether the output point of a rocker is 
     ("contacts", "to", False), ("superelements", "nodes", False), ("rigid_links", "from", False),
     ("rigid_links", "to", False),
 )  # fmt: skip
+
+
+def joined_points(tables: Table) -> Iterator[list[str]]:
+    """Yield the names of the points that each spring or contact of raw tables joins."""
+    cams = dict(_tables(tables, "cams"))
+    for _, part in (*_tables(tables, "springs"), *_tables(tables, "contacts")):
+        points = [part.get(key) for key in ("at", "from", "to", "follower")]
+        points.append(cams.get(str(part.get("cam")), {}).get("at"))
+        yield [point for point in points if isinstance(point, str)]
+
+
+def _tables(tables: Table, kind: str) -> Iterator[tuple[str, Table]]:
+    """Yield name and table of the parts of a kind."""
+    table = tables.get(kind)
+    for name, part in cast("Table", table).items() if isinstance(table, Mapping) else ():
+        if isinstance(part, Mapping):
+            yield name, cast("Table", part)
 
 
 @dataclass(frozen=True)
@@ -82,22 +100,23 @@ class RawTables:
 
     def coincident_node_faults(self) -> Iterator[Fault]:
         """Yield coincident nodes, and members that contain a node twice."""
-        first: dict[tuple[float, ...], str] = {}
-        leaders = {
-            str(node): link.get("from") for _, link in self._parts("rigid_links") for node in _as_list(link.get("to"))
-        }
+        at = dict[str, list[float]]()
         for name, place in self._table("nodes").items():
-            try:
-                at = tuple(parse(cast("Any", value), "length", noise=True) for value in _as_list(place))
-            except InputError:
-                continue  # its own fault
-            other = first.setdefault(at, name) if at else name
-            if other != name and leaders.get(name, name) != leaders.get(other, other):
-                remedy = f"move {name!r}, join both by a rigid link, or use {other!r} in place of {name!r}"
-                if any({name, other} <= {*_as_list(member.get("nodes"))} for _, member in self._parts("members")):
-                    remedy = f"move {name!r}"
-                given, why = f"the coordinates of {other!r}", "members are connected only at a shared node"
-                yield self._fault(("nodes", name), given, "other coordinates", why, remedy)
+            with suppress(InputError):  # its own fault
+                at[name] = [parse(cast("Any", value), "length", noise=True) for value in _as_list(place)]
+        at = {name: place for name, place in at.items() if len(place) == 3}
+        names = list(at)
+        links = (link for _, link in self._parts("rigid_links"))
+        joined = [[link.get("from"), *_as_list(link.get("to"))] for link in links] + [*joined_points(self.raw)]
+        groups = [[i for i, name in enumerate(names) if name in group] for group in joined]
+        places = number_places(np.array([*at.values()]).reshape(-1, 3))
+        for i, j in coincident_nodes(places, [np.array(group, dtype=int) for group in groups]):
+            other, name = names[i], names[j]
+            remedy = f"move {name!r}, join both by a rigid link, or use {other!r} in place of {name!r}"
+            if any({name, other} <= {*_as_list(member.get("nodes"))} for _, member in self._parts("members")):
+                remedy = f"move {name!r}"
+            given, why = f"the coordinates of {other!r}", "members are connected only at a shared node"
+            yield self._fault(("nodes", name), given, "other coordinates", why, remedy)
         for name, table in self._parts("members"):
             nodes = [node for node in _as_list(table.get("nodes")) if isinstance(node, str)]
             for node in dict.fromkeys(node for node in nodes if nodes.count(node) > 1):
@@ -112,9 +131,7 @@ class RawTables:
         return cast("Table", table) if isinstance(table, Mapping) else {}
 
     def _parts(self, kind: str) -> Iterator[tuple[str, Table]]:
-        for name, table in self._table(kind).items():
-            if isinstance(table, Mapping):
-                yield name, cast("Table", table)
+        return _tables(self.raw, kind)
 
     def _check_name(self, path: Path, name: object, known: Sequence[str], what: str) -> Iterator[Fault]:
         if isinstance(name, str) and name not in known:

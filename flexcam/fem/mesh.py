@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -16,7 +16,8 @@ from flexcam.core.errors import Fault, InputError, finite_array, refuse, suggest
 Bools = np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
-_GROUPS = ("lines", "points", "bodies", "links")
+_GROUPS = ("lines", "points", "bodies", "links", "couplings")
+_COINCIDENCE_TOLERANCE = 1e-9  # distance, relative to the mesh size, below which nodes count as coincident (rounding)
 
 
 def _frozen_index(values: ArrayLike) -> IntArray:
@@ -45,6 +46,8 @@ class Mesh:
     links
         Name of a rigid link to its nodes, shape (k,): the leading one first, then those that follow it, which may lie
         at the same place.
+    couplings
+        Name of a spring or contact to its nodes, shape (k,), which may lie at the same place.
     joints
         Names of the links that do not pass all rotations.
 
@@ -65,6 +68,7 @@ class Mesh:
     points: Mapping[str, IntArray]
     bodies: Mapping[str, IntArray] = field(default_factory=dict[str, IntArray])
     links: Mapping[str, IntArray] = field(default_factory=dict[str, IntArray])
+    couplings: Mapping[str, IntArray] = field(default_factory=dict[str, IntArray])
     joints: frozenset[str] = frozenset()
 
     def __reduce__(self) -> tuple[type[Mesh], tuple[object, ...]]:
@@ -76,7 +80,10 @@ class Mesh:
         for groups in _GROUPS:
             frozen = {name: _frozen_index(index) for name, index in getattr(self, groups).items()}
             object.__setattr__(self, groups, MappingProxyType(frozen))
-        if faults := [*_range_faults(self)] or [*_length_faults(self), *_duplicate_faults(self)]:
+        if faults := [*_range_faults(self)]:
+            raise InputError(faults)
+        places = number_places(self.nodes)
+        if faults := [*_length_faults(self, places), *_duplicate_faults(self, places)]:
             raise InputError(faults)
 
     def node(self, name: str, where: str = "point") -> int:
@@ -235,29 +242,39 @@ def _range_faults(mesh: Mesh) -> Iterator[Fault]:
             yield Fault(f"member {name!r}", f"{len(line)} nodes", "two or more", why, "")
 
 
-def _length_faults(mesh: Mesh) -> Iterator[Fault]:
+def number_places(nodes: FloatArray) -> IntArray:
+    """Return the number of the place of each node, shape (n,); nodes that differ by rounding have the same place."""
+    if not len(nodes):
+        return np.zeros(0, dtype=np.intp)
+    labels, tolerance = np.zeros(nodes.shape, dtype=np.intp), _COINCIDENCE_TOLERANCE * np.ptp(nodes, axis=0).max()
+    for coordinates, label in zip(nodes.T, labels.T, strict=True):
+        order = np.argsort(coordinates)
+        label[order[1:]] = np.cumsum(np.diff(coordinates[order]) > tolerance)
+    return np.unique(labels, axis=0, return_inverse=True)[1].ravel()
+
+
+def coincident_nodes(places: IntArray, groups: Iterable[IntArray]) -> list[tuple[int, int]]:
+    """Return pairs of nodes at the same place that no group of nodes joins: the first node there and another one."""
+    chains = [index[np.argsort(places[index], kind="stable")] for index in groups]
+    pairs = np.concatenate([np.zeros((0, 2), dtype=np.intp), *(np.column_stack([c[:-1], c[1:]]) for c in chains)])
+    pairs = pairs[places[pairs[:, 0]] == places[pairs[:, 1]]]
+    labels, first = connected_components(len(places), *pairs.T), np.unique(places, return_index=True)[1][places]
+    return [(int(first[i]), i) for i in np.flatnonzero(labels != labels[first]).tolist()]
+
+
+def _length_faults(mesh: Mesh, places: IntArray) -> Iterator[Fault]:
     ends, why = mesh.elements(), "an element needs a length"
-    short = np.flatnonzero((mesh.nodes[ends[:, 1]] == mesh.nodes[ends[:, 0]]).all(axis=1))
-    for element in short[:_MAX_FAULTS].tolist():
+    for element in np.flatnonzero(places[ends[:, 0]] == places[ends[:, 1]])[:_MAX_FAULTS].tolist():
         given = f"nodes {ends[element, 0]} and {ends[element, 1]} at the same place"
         yield Fault(f"element {element}", given, "two nodes apart", why, "merge the nodes or move one")
 
 
-def _duplicate_faults(mesh: Mesh) -> Iterator[Fault]:
+def _duplicate_faults(mesh: Mesh, places: IntArray) -> Iterator[Fault]:
     """Yield the faults of coincident nodes, which usually are a missing joint."""
-    order = np.lexsort(mesh.nodes.T)
-    nodes = mesh.nodes[order]
-    leader = np.arange(len(nodes))
-    for index in mesh.links.values():
-        leader[index[1:]] = index[0]
-    separate = leader[order[1:]] != leader[order[:-1]]
-    coincident = np.flatnonzero((nodes[1:] == nodes[:-1]).all(axis=1) & separate)
-    for i in coincident[:_MAX_FAULTS].tolist():
-        where = f"nodes {mesh.node_name(int(order[i]))!r} and {mesh.node_name(int(order[i + 1]))!r}"
-        why = "members meet only at a shared node"
-        yield Fault(
-            where, str(nodes[i].tolist()), "one node at one place", why, "list the node in the member, or move it"
-        )
+    for first, other in coincident_nodes(places, [*mesh.links.values(), *mesh.couplings.values()])[:_MAX_FAULTS]:
+        where, given = f"nodes {mesh.node_name(first)!r} and {mesh.node_name(other)!r}", mesh.nodes[other].tolist()
+        why, remedy = "members meet only at a shared node", "list the node in the member, or move it"
+        yield Fault(where, str(given), "one node at one place", why, remedy)
 
 
 def chain(

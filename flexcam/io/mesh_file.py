@@ -17,12 +17,11 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import NAME, NAMES, Fault, InputError, refuse, suggest_name, system_message
-from flexcam.fem.mesh import Mesh
+from flexcam.fem.mesh import Mesh, number_places
 from flexcam.io.files import write_text
 
 _MAX_FAULTS = 20  # maximum number of reported faults of one kind: a mesh with thousands has one cause
 _MAX_COORDINATE = 1e12  # maximum absolute coordinate, m: squares of larger ones overflow
-_COINCIDENCE_TOLERANCE = 1e-9  # distance, relative to the mesh size, below which nodes count as coincident (rounding)
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -119,10 +118,8 @@ def _describe_breaks(pairs: IntArray) -> str:
 
 def _length_faults(raw: _GmshMesh) -> Iterator[Fault]:
     """Yield lines of zero length and coincident nodes."""
-    size = float(np.ptp(raw.points, axis=0).max(initial=0.0)) or 1.0
-    grid = np.round(raw.points / (_COINCIDENCE_TOLERANCE * size))
-    _, place, counts = np.unique(grid, axis=0, return_inverse=True, return_counts=True)
-    places = dict(zip(raw.numbers.tolist(), place.ravel().tolist(), strict=True))
+    place = number_places(raw.points)
+    places = dict(zip(raw.numbers.tolist(), place.tolist(), strict=True))
     lines = [group for group in raw.groups if group.kind == _LINE]
     pairs = [pair for group in lines for pair in zip(group.numbers.tolist(), group.nodes.tolist(), strict=True)]
     zero_length = [(number, a, b) for number, (a, b) in pairs if places[a] == places[b]]
@@ -130,9 +127,9 @@ def _length_faults(raw: _GmshMesh) -> Iterator[Fault]:
         given, why = f"nodes {a} and {b} at the same place", "an element needs a length"
         yield Fault(f"mesh element {number}", given, "two nodes apart", why, "merge the nodes or move one")
     reported = {places[a] for _, a, _ in zero_length}
-    coincident = [i for i in np.flatnonzero(counts > 1).tolist() if i not in reported]
+    coincident = [i for i in np.flatnonzero(np.bincount(place) > 1).tolist() if i not in reported]
     for i in coincident[:_MAX_FAULTS]:
-        tags = raw.numbers[place.ravel() == i].tolist()
+        tags = raw.numbers[place == i].tolist()
         given = ", ".join(f"{x:g}" for x in raw.points[raw.numbers == tags[0]][0].tolist())
         where, why = f"mesh nodes {' and '.join(map(str, tags[:3]))}", "members meet only at a shared node"
         yield Fault(where, f"all at {given}", "one node at one place", why, "merge them")

@@ -234,7 +234,9 @@ def _mesh(file: Any) -> Mesh:  # noqa: ANN401
     lines = {name: node[a:b] for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
     points = {name: hdf5.read_numbers(item, kind="i8") for name, item in file[schema.MESH_POINTS].items()}
     try:
-        return Mesh(hdf5.read_numbers(file[schema.MESH_NODES], width=(3,)), lines, points)
+        nodes = hdf5.read_numbers(file[schema.MESH_NODES], width=(3,))
+        # A result does not name its couplings: the nodes that may coincide were checked before its run.
+        return Mesh(nodes, lines, points, couplings={"all": np.arange(len(nodes))})
     except InputError as refusal:
         fault = refusal.faults[0]
         raise refuse(f"/{schema.MESH_NODES}", f"{fault.where}, {fault.given}", fault.allowed, fault.why) from None

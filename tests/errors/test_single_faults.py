@@ -109,6 +109,7 @@ FAULTS = {
     "four coordinates": ('rear = ["180 mm", ', 'rear = ["180 mm", 0, ', "nodes.rear", "180 mm", "3"),
     # geometry
     "two nodes at one place": ('rear = ["180 mm"', 'rear = ["60 mm"', "nodes.rear", "front", "shared node"),
+    "two nodes apart by rounding": ('rear = ["180 mm"', 'rear = ["60.00000001 mm"', "nodes.rear", "front", "shared node"),
     "closed member": ('"cam", "rear"]', '"cam", "drive"]', "members.camshaft", "drive", "divide a closed member"),
     "node twice in a row": ('"cam", "rear"]', '"cam", "cam"]', "members.camshaft", "cam", ""),
     "wire without coils and mean diameter": ('stiffness = "40 kN/m"', 'stiffness = "40 kN/m"\nwire = { diameter = "4.6 mm" }', "springs.valve.wire.coil_diameter", "nothing", "The key is required unless the spring has the key coils."),

@@ -83,7 +83,8 @@ def test_mesh_copies_are_read_only(readonly):
 @pytest.mark.parametrize(
     ("nodes", "line", "words"),
     [([[0, 0, 0], [1, 0, 0]], [0, 2], "nodes 0 to 1"), ([[0, 0, 0], [1, 0, 0]], [0], "two or more"),
-     ([[0, 0, 0], [1, 0, 0]], [0, 0], "length"), ([[0, 0, 0], [1, 0, 0], [0, 0, 0]], [0, 1], "one place"),
+     ([[0, 0, 0], [1, 0, 0]], [0, 0], "length"), ([[0, 0, 0], [1, 0, 0], [1 + 1e-10, 0, 0]], [0, 1, 2], "length"),
+     ([[0, 0, 0], [1, 0, 0], [0, 0, 0]], [0, 1], "one place"),
      ([[0, 0, 0], [np.nan, 0, 0]], [0, 1], "finite")],
 )  # fmt: skip
 def test_invalid_mesh_raises_error(nodes, line, words):

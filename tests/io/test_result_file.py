@@ -36,6 +36,29 @@ def is_physical(name):
     return name == TIMES or not name.startswith(counts)
 
 
+JOINTS = {
+    "spring": 'springs.joint={ at = "tappet", to = "cup", direction = "uy", stiffness = "50 MN/m", link = true }',
+    "lash": 'contacts.joint={ from = "tappet", to = "cup", direction = "uy", model = "lash", gap = 0, stiffness = "50 MN/m", damping = "1 kN s/m" }',
+    "rigid link": 'rigid_links.joint={ from = "tappet", to = ["cup"] }',
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_result_with_coincident_nodes_can_be_read(joint, solve_into, tmp_path):
+    """A spring, a contact or a rigid link may join two nodes at the same place."""
+    text = (DATA / "inline.toml").read_text(encoding="utf-8").replace('nodes = ["tappet",', 'nodes = ["cup",')
+    text = text.replace("pushrod-top = [", 'cup = ["120 mm", "18 mm", "0 mm"]\npushrod-top = [', 1)
+    text = text.replace('tappet = ["ux", "uz", "ry"]', 'tappet = ["ux", "uz", "rx", "ry", "rz"]')
+    text = text.replace('model = "published-load"', 'model = "bilateral"\nstiffness = "1 MN/m"')
+    (tmp_path / "case.toml").write_text(text, encoding="utf-8")
+    overrides = [JOINTS[joint], "run.revolutions=0.02"]
+    if joint != "rigid link":
+        overrides.append('supports.cup=["ux", "uz", "ry"]')
+    _, sink = solve_into(prepare(read_case(tmp_path / "case.toml", overrides)), tmp_path)
+    mesh = read_result(sink.path).mesh
+    assert mesh.nodes[mesh.node("cup")].tolist() == mesh.nodes[mesh.node("tappet")].tolist()
+
+
 def test_order_of_names_is_preserved(stored):
     """The order of columns and the first name of a node depend on it: by default HDF5 sorts names."""
     read, expected = stored.result.response, stored.response
