@@ -12,7 +12,7 @@ import numpy as np
 from flexcam.analysis.resources import check_mesh_memory
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case, require_case
-from flexcam.case.input_checks import check_values
+from flexcam.case.input_checks import check_drives, check_values
 from flexcam.case.problem_builder import (
     build_equations,
     integration_method,
@@ -27,6 +27,7 @@ from flexcam.case.reader import CaseFile
 from flexcam.case.schema.run import CollocationRecord
 from flexcam.core.errors import InputError, end_sentence, refuse
 from flexcam.dynamics import (
+    Cause,
     Collocation,
     ConstantSpeed,
     Method,
@@ -215,8 +216,9 @@ def prepare(
             plain = replace(plain, engine="auto")
         try:
             problem = set_initial_state(case, model, plain, until, near and near.problem.start)
-        except RunFailedError as failure:  # an unusual value, such as 207 Pa, is the probable cause
-            causes = [f"Possible cause: {warning.removeprefix('Warning: ')}" for warning in check_values(case)]
+        except RunFailedError as failure:  # an unusual value, such as 207 Pa, or a loose shaft is the probable cause
+            warnings = [*(check_drives(model) if failure.status.cause is Cause.SINGULAR else ()), *check_values(case)]
+            causes = [f"Possible cause: {warning.removeprefix('Warning: ')}" for warning in warnings]
             *earlier, last = failure.status.remedy, *causes
             remedy = " ".join([*map(end_sentence, earlier), last])
             raise RunFailedError(replace(failure.status, remedy=remedy)) from None

@@ -314,7 +314,7 @@ def check_model(case: Case, model: Model, problem: Problem, scheme: Method) -> I
     yield from _check_open_contacts(model, problem)
     yield from _check_start_impact(case, model, problem)
     yield from check_overshoot(problem, scheme)
-    yield from _check_drives(model)
+    yield from check_drives(model)
     yield from _check_rotating_masses(model)
     yield from _check_lash(model)
     yield from _check_valve_angles(model)
@@ -574,7 +574,7 @@ def _check_rotating_masses(model: Model) -> Iterator[str]:
 _OFF_AXIS, _UNEQUAL = 1e-6, 0.005
 
 
-def _check_drives(model: Model) -> Iterator[str]:
+def check_drives(model: Model) -> Iterator[str]:
     """Yield warnings about camshafts whose rotation is free: no support, spring or lash ties it to the drive."""
     for cams, component, is_loose in undriven_shafts(build_structure(model)):
         what = "nothing drives the shaft, and contact forces turn it"

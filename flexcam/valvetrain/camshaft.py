@@ -117,16 +117,19 @@ _ROUNDING = 1e-9
 
 
 def undriven_shafts(structure: Structure) -> list[tuple[list[str], str, bool]]:
-    """Return cams and rotation (``rx``) of every shaft that can turn freely, and whether it can also move away."""
+    """Return cams and rotation (``rx``) of every shaft that can turn or move away, and whether it can move away."""
     model, shafts = structure.model, dict[tuple[int, ...], tuple[list[str], str, bool]]()
     for contact in model.cam_contacts.values():
         point = model.cams[contact.cam].at
         shaft = tuple(model.mesh.connected_nodes(model.mesh.node(point), turning=True).tolist())
-        geared = len(_shaft_nodes(model, contact.cam)) > len(shaft)
-        if not geared and np.abs(structure.row(point, contact.rotation) @ structure.free).max(initial=0.0) > _ROUNDING:
-            away = np.abs(structure.row(point, contact.direction) @ structure.free).max() > _ROUNDING
+        turns, away = (
+            float(np.abs(structure.row(point, axis) @ structure.free).max(initial=0.0)) > _ROUNDING
+            for axis in (contact.rotation, contact.direction)
+        )
+        away = away and not model.bearings
+        if away or (turns and len(_shaft_nodes(model, contact.cam)) == len(shaft)):
             rotation = ROTATIONS[int(np.argmax(np.abs(contact.shaft_axis)))]
-            cams, *_ = shafts.setdefault(shaft, ([], rotation, bool(away and not model.bearings)))
+            cams, *_ = shafts.setdefault(shaft, ([], rotation, away))
             cams += [contact.cam] if contact.cam not in cams else []
     return list(shafts.values())
 

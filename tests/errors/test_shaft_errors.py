@@ -1,11 +1,13 @@
 """Faults of rotating members that are not round and of cams of one shaft with opposite axes."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
-from flexcam import InputError, read_case
+from flexcam import InputError, RunFailedError, prepare, read_case
 from flexcam.case.builder import build_model
+from flexcam.case.starters import new_case
 
 SHAFT = 'shaft = { shape = "circle", diameter = "25 mm" }'
 CUSTOM = 'shaft = {{ shape = "custom", A = 4.9e-4, Iy = 1.9e-8, Iz = {}, J = 3.8e-8 }}'
@@ -79,6 +81,14 @@ def test_unequal_shear_factors_are_refused_only_with_shear(build_faults, text, s
 ])  # fmt: skip
 def test_round_or_fixed_members_are_accepted(text, substitute, read_text, change):
     build_model(read_text(substitute(text, change)))
+
+
+def test_shaft_without_bearings_is_named(tmp_path):
+    """Gravity moves the shaft of the template gear-drive without its bearings; supports and gear hold only its axis."""
+    case = read_case(new_case("gear-drive", tmp_path / "case.toml")[0])
+    case = replace(case, record=case.record.model_copy(update={"bearings": {}}))
+    with pytest.raises(RunFailedError, match=r"cams.intake: nothing holds the shaft.* add supports: bearings"):
+        prepare(case)
 
 
 def test_opposite_cam_axes_on_one_shaft_are_refused(build_faults):
