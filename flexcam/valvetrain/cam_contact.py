@@ -31,6 +31,7 @@ from flexcam.dynamics import (
 )
 from flexcam.dynamics.cam_motion import cam_angle
 from flexcam.dynamics.force_laws import LINE_CONTACT
+from flexcam.fem.dofs import COMPONENTS
 from flexcam.fem.sections import Material
 from flexcam.valvetrain.cam_functions import (
     ANGLES,
@@ -59,7 +60,7 @@ from flexcam.valvetrain.lubrication import (
     half_width,
     wear_depth,
 )
-from flexcam.valvetrain.parts import Cam, CamContact
+from flexcam.valvetrain.parts import Cam, CamContact, CamPair
 from flexcam.valvetrain.structure import Structure, find_node
 
 STRAIGHT = 10.0
@@ -262,7 +263,7 @@ def _penetration_rows(structure: Structure, contact: CamContact, cam: Cam, where
     lift, axis = contact.direction, contact.rotation
     follower = structure.row(contact.follower, lift, f"{where}.follower")
     if not follower.any():
-        raise fixed_follower_error(structure, contact.follower, f"{where}.follower")
+        raise fixed_follower_error(structure, contact, f"{where}.follower")
     check_arm(structure, contact, cam, where)
     twist = structure.row(cam.at, axis)
     rolls = cam.follower is not None and np.isfinite(cam.follower.roller_radius)
@@ -306,15 +307,16 @@ def _swing_rows(structure: Structure, contact: CamContact, cam: Cam) -> list[tup
     return [(rigid, constant(1.0)), (opening - rigid, normal_force_ratio(cam))]
 
 
-def fixed_follower_error(structure: Structure, follower: str, where: str) -> InputError:
+def fixed_follower_error(structure: Structure, contact: CamPair, where: str) -> InputError:
     """Return the error of a follower that cannot move along the lift."""
-    mesh = structure.model.mesh
-    fixed = follower in structure.model.supports
-    if structure.is_node(follower) and not fixed and not (structure.dofs.numbers[mesh.node(follower)] >= 0).any():
+    mesh, follower = structure.model.mesh, contact.follower
+    supported = [COMPONENTS.index(name) for name in structure.model.supports.get(follower, ())]
+    free = np.delete(contact.direction, supported).any()
+    if structure.is_node(follower) and free and mesh.node(follower) not in mesh.elements():
         given, why = f"{follower!r}, a node with nothing that moves", "members, masses and springs give a node unknowns"
         allowed = "a node of a member, or one with a mass or a spring along the lift"
-        if mesh.node(follower) not in mesh.elements():
-            return refuse(where, given, allowed, why, "end a member there, or put a mass on it")
+        remedy = f"end a member there, or add masses.NAME = {{ at = {follower!r}, mass = ... }}"
+        return refuse(where, given, allowed, why, remedy)
     given, why = f"{follower!r}, held along the lift", "the cam cannot move this follower"
     return refuse(where, given, "a point that is free along the lift", why, "free it in [supports]")
 

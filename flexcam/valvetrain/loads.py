@@ -48,7 +48,7 @@ def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -
     """Return K_KE of (22): the static stiffness at the follower along the lift, N/m."""
     push = structure.dofs.vector(find_node(structure.model, contact.follower, where), contact.direction)
     if not push.any():
-        raise fixed_follower_error(structure, contact.follower, where)
+        raise fixed_follower_error(structure, contact, where)
     try:
         compliance = float(push @ static_displacement(structure.stiffness, push, structure.dofs.names, structure.free))
     except RunFailedError as failure:

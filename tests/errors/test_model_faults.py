@@ -179,6 +179,14 @@ def test_follower_fixed_along_lift_is_refused(tmp_path):
         prepare(CaseFile.open(path).read([support]))
 
 
+def test_follower_without_mass_is_refused(tmp_path, substitute, faults_of):
+    """The support of the tappet does not hold it along the lift."""
+    text = new_case("roller-tappet", tmp_path / "case.toml")[0].read_text(encoding="utf-8")
+    edits = ('follower = { at = "tappet"', 'follower = { at = "plunger"'), ('at = "tappet"  ', 'at = "plunger"  ')
+    (fault,) = faults_of(substitute(text, *edits))
+    assert fault.remedy == "end a member there, or add masses.NAME = { at = 'tappet', mass = ... }"
+
+
 def test_follower_on_cam_axis_is_refused(tmp_path):
     message = "direction: the follower is on the axis of its cam, so that the lift has no direction. Correct the key"
     with pytest.raises(InputError, match=message):
