@@ -82,6 +82,7 @@ class RawTables:
         yield from self._lift_faults()
         yield from self._member_node_faults()
         yield from self._same_end_faults()
+        yield from self._shear_faults()
         if self.mesh is not None or "nodes" in self.raw:
             yield from self._point_faults()
 
@@ -177,6 +178,16 @@ class RawTables:
                     why = "the lift table defines the whole lift"
                     given = f"{key} and lift_table"
                     yield self._fault(("cams", name, key), given, "one of them", why, "remove one")
+
+    def _shear_faults(self) -> Iterator[Fault]:
+        """Yield custom sections of members with shear deformation that lack a shear factor."""
+        users = {str(member.get("section")): name for name, member in self._parts("members") if member.get("shear") is True}
+        for name, section in self._parts("sections"):
+            keys = [key for key in ("kappa_y", "kappa_z") if key not in section]
+            if keys and section.get("shape") == "custom" and name in users:
+                why = f"members.{users[name]} has shear = true, and the factors of a custom section are unknown"
+                remedy = f"add {' and '.join(keys)}, such as 5/6 = 0.833 of a rectangle or 0.9 of a circle"
+                yield self._fault(("sections", name, keys[0]), "nothing", "a shear factor", why, remedy)
 
     def _member_node_faults(self) -> Iterator[Fault]:
         """Yield members without named nodes, and members and line groups of a mesh without each other."""

@@ -110,6 +110,7 @@ FAULTS = {
     # geometry
     "two nodes at one place": ('rear = ["180 mm"', 'rear = ["60 mm"', "nodes.rear", "front", "shared node"),
     "two nodes apart by rounding": ('rear = ["180 mm"', 'rear = ["60.00000001 mm"', "nodes.rear", "front", "shared node"),
+    "custom section without shear factors": (re.compile(r'circle", diameter = "25 mm"(.*camshaft = { )', re.S), r'custom", A = 4e-4, Iy = 2e-8, Iz = 2e-8, J = 4e-8, kappa_y = 0.9\1shear = true, ', "sections.shaft.kappa_z", "nothing", "add kappa_z, such as"),
     "closed member": ('"cam", "rear"]', '"cam", "drive"]', "members.camshaft", "drive", "divide a closed member"),
     "node twice in a row": ('"cam", "rear"]', '"cam", "cam"]', "members.camshaft", "cam", ""),
     "wire without coils and mean diameter": ('stiffness = "40 kN/m"', 'stiffness = "40 kN/m"\nwire = { diameter = "4.6 mm" }', "springs.valve.wire.coil_diameter", "nothing", "The key is required unless the spring has the key coils."),
