@@ -181,7 +181,8 @@ class RawTables:
 
     def _shear_faults(self) -> Iterator[Fault]:
         """Yield custom sections of members with shear deformation that lack a shear factor."""
-        users = {str(member.get("section")): name for name, member in self._parts("members") if member.get("shear") is True}
+        sheared = ((name, member) for name, member in self._parts("members") if member.get("shear") is True)
+        users = {str(member.get("section")): name for name, member in sheared}
         for name, section in self._parts("sections"):
             keys = [key for key in ("kappa_y", "kappa_z") if key not in section]
             if keys and section.get("shape") == "custom" and name in users:

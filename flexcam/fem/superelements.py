@@ -19,6 +19,7 @@ INTERNAL_LIMIT = 200
 
 _SYMMETRY = 1e-6  # relative difference of two entries of a symmetric matrix, for files with few digits
 _RIGID = 1e-4  # strain energy of a rigid-body motion relative to that of its parts, for files with few digits
+_MASS_TOLERANCE = 0.01  # relative difference of the masses of a body along x, y and z, for files with few digits
 _ZERO = 1e-9  # eigenvalue of the scaled stiffness below which a motion has no strain energy
 
 
@@ -36,6 +37,13 @@ class Superelement:
     def modes(self) -> int:
         """Number of modes with fixed interface."""
         return len(self.mass) - 6 * len(self.nodes)
+
+    def rigid_body(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the mass along x, y and z, kg, and the centre of gravity, m, with its nodes at positions (k, 3)."""
+        R = rigid_motions(positions).reshape(-1, 6)
+        inertia = R.T @ self.mass[: len(R), : len(R)] @ R
+        moments = np.array([inertia[1, 5], inertia[2, 3], inertia[0, 4]])
+        return np.diag(inertia)[:3], moments / (np.diag(inertia)[:3].mean() or 1.0)
 
 
 def reduce_superelement(
@@ -62,7 +70,13 @@ def reduce_superelement(
     reduced = [basis.T @ matrix @ basis for matrix in (mass, stiffness, damping)]
     reduced[1][:outer, outer:] = reduced[1][outer:, :outer] = 0.0  # static shapes have no energy with the modes
     reduced[1][:outer, :outer] = _free_of_rigid_motions(reduced[1][:outer, :outer], positions)
-    return Superelement(nodes, reduced[0], reduced[1], reduced[2])
+    body = Superelement(nodes, reduced[0], reduced[1], reduced[2])
+    masses = body.rigid_body(positions)[0]
+    if float(np.ptp(masses)) > _MASS_TOLERANCE * float(masses.max()):
+        given = " kg, ".join(f"{mass:.4g}" for mass in masses) + " kg along x, y and z"
+        why, remedy = "a free body has the same mass in all directions", "compare the nodes and units of the file"
+        raise refuse("mass", given, "the same mass along x, y and z", why, remedy)
+    return body
 
 
 def _symmetric(name: str, matrix: FloatArray) -> FloatArray:

@@ -99,7 +99,7 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         ("degrees of freedom", str(problem.system.size)),
         ("inactive", "; ".join(describe_inactive(ready)) or "nothing"),
         ("masses", ", ".join(masses) or "none"),
-        *((f"superelement {n}", f"{len(b.nodes)} nodes, {b.modes} modes") for n, b in model.superelements.items()),
+        *((f"superelement {n}", _superelement(model, n)) for n in model.superelements),
         *((f"rigid link {n}", _link(model, n)) for n in model.rigid_links),
         ("springs", ", ".join(f"{name} {size}" for name, size in stiffness.items()) or "none"),
         *((f"bearing {n}", f"film of {format_quantity('m', b.radial_clearance)} at {b.at}")
@@ -201,6 +201,13 @@ def _contact(model: Model, contact: valvetrain.Contact) -> str:
             if isinstance(contact, valvetrain.PublishedLoad):
                 what = f"force of the Tayeb-Sliman model, from cam {contact.cam}, acts on"
             return f"{what} {contact.follower} along {_vector(contact.direction)}"
+
+
+def _superelement(model: Model, name: str) -> str:
+    body, (factor, unit) = model.superelements[name], to_display_unit("m")
+    masses, centre = body.rigid_body(model.mesh.nodes[[model.mesh.node(node) for node in body.nodes]])
+    mass, place = format_quantity("kg", float(masses.mean()), digits=4), _vector(np.round(factor * centre, 6))
+    return f"{len(body.nodes)} nodes, {body.modes} modes, {mass}, centre of gravity {place} {unit}"
 
 
 def _link(model: Model, name: str) -> str:

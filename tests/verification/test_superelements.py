@@ -12,6 +12,7 @@ from scipy.io import mmwrite
 from flexcam import InputError, Mesh, build_model, prepare, read_case, read_result, run
 from flexcam.analysis.run import open_result_file
 from flexcam.case.reader import case_from_result
+from flexcam.cli.main import main
 from flexcam.fem.assembly import Member, build_beams, mass, stiffness
 from flexcam.fem.dofs import dof_map
 from flexcam.fem.sections import Material, Section
@@ -102,6 +103,14 @@ def test_superelement_frequencies_match_beam(record, case, write):
                reference=reference[i], computed=computed[i], tolerance=1e-6, reason="digits of the file")  # fmt: skip
     assert all(sum(one.values()) == pytest.approx(1.0) for one in shares)
     assert shares[0]["superelement arm"] > 0.0
+
+
+def test_check_shows_mass_and_centre_of_superelement(case, tmp_path, capsys):
+    """The mass of the arm is 7800 kg/m^3 * 54 mm^2 * 128.06 mm = 53.94 g."""
+    case()
+    with pytest.raises(SystemExit, match="0"):
+        main(["check", str(tmp_path / "arm.toml")])
+    assert "0.05394 kg, centre of gravity (70, 40, 50) mm" in " ".join(capsys.readouterr().out.split())
 
 
 def test_superelement_response_matches_beam(record, case):
@@ -195,6 +204,11 @@ def negate_mass(K, M):
     return K, -M
 
 
+def double_mass_along_y(K, M):
+    factor = np.where(np.arange(len(M)) % 6 == 1, 2.0, 1.0)
+    return K, M * np.sqrt(np.outer(factor, factor))
+
+
 def remove_rotations(K, M):
     keep = np.arange(len(K)) % 6 < 3
     return K * np.outer(keep, keep), M
@@ -207,6 +221,7 @@ def remove_rotations(K, M):
         (lambda K, M: (K, M), ["nodes.foot=[0, 0, 0]"], "a stiffness against rigid motion: rotation"),
         (make_asymmetric, (), "a symmetric matrix"),
         (negate_mass, (), "a positive semi-definite matrix"),
+        (double_mass_along_y, (), "the same mass along x, y and z"),
         (remove_rotations, (), "internal|further motions without strain energy"),
         (lambda K, M: (K[:6, :6], M[:6, :6]), (), "The files have no entry of them"),
         (lambda K, M: (K, M), ["superelements.arm.nodes.2=nowhere"], "nowhere"),
