@@ -25,6 +25,7 @@ from flexcam.valvetrain import (
     Adjuster,
     CamContact,
     Lash,
+    LoadTable,
     Model,
     Seat,
     build_structure,
@@ -347,9 +348,11 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
         if problem.start is not None and problem.start.periodicity is not None:  # a follower may fly there
             problem = replace(problem, start=equilibrium(problem.system, problem.drive))
         first = solve(replace(problem, steps=1, engine="direct", adaptive=None), newmark())
+        unloaded = _without_tables(problem)  # gas presses a valve on its seat that its spring opens
+        springs = first if unloaded is problem else solve(replace(unloaded, steps=1, adaptive=None), newmark())
     except RunFailedError:
         return  # the run reports it
-    if not len(first.time):
+    if not (len(first.time) and len(springs.time)):
         return
     lost = False
     closed = {
@@ -357,7 +360,7 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
         for name, cam in model.cams.items()
     }
     for name, contact in contacts.items():
-        if closed[contact.cam] and float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
+        if closed[contact.cam] and float(springs.channels[f"contacts.{name}.force"][0]) <= 0.0:
             why, lost = "no spring pushes the follower against its cam on the base circle", True
             remedy = "check the direction of the contact, and the installed_force and direction of the springs"
             yield f"Warning: contacts.{name}: {why}; {remedy}"
@@ -366,7 +369,7 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
             why = f"on the base circle the follower sinks {format_quantity('m', depth, digits=3)} into its cam"
             yield f"Warning: contacts.{name}: {why}; check its stiffness, the loads and their units"
     for name in seats if closed and all(closed.values()) and not lost else ():
-        if float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
+        if float(springs.channels[f"contacts.{name}.force"][0]) <= 0.0:
             why = "nothing holds the valve on its seat with the cams on their base circles"
             causes = ["the direction and installed_force of the spring that closes the valve"]
             if any(member.temperature for member in model.members.values()):
@@ -382,6 +385,17 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
         if float(first.channels[f"contacts.{name}.force"][0]) > 0.0:
             why = "the lash stays closed: without a seat the spring force always goes through the cam"
             yield f"Warning: contacts.{name}: {why}; add the seat of the valve, such as [contacts.seat]"
+
+
+def _without_tables(problem: Problem) -> Problem:
+    """Return a problem in equilibrium without loads from tables; the same problem if it has none."""
+    system, loads = problem.system, problem.system.loads
+    if not any(isinstance(load.history, LoadTable) for load in loads):
+        return problem
+    zero = np.zeros(system.size)
+    loads = tuple(replace(load, vector=zero) if isinstance(load.history, LoadTable) else load for load in loads)
+    system = replace(system, loads=loads)
+    return replace(problem, system=system, start=equilibrium(system, problem.drive), engine="direct")
 
 
 def _cam_lashes(model: Model) -> list[str]:

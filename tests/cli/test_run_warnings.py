@@ -216,6 +216,13 @@ def test_spring_that_opens_valve_causes_warning(flexcam, direct, measured):
     assert "the temperature" not in warning
 
 
+def test_spring_that_opens_valve_under_gas_causes_warning(flexcam, tmp_path):
+    """At the start the gas load of the table presses the valve on its seat."""
+    case = new_case("exhaust-valve", tmp_path / "case.toml")[0]
+    done = flexcam("check", case, "--set", "springs.valve.direction=uy", "--json")
+    assert any("nothing holds the valve on its seat" in warning for warning in done.json["warnings"])
+
+
 @pytest.mark.parametrize(("overrides", "cause"), [
     (['materials.steel.expansion="12e-6 1/K"', "members.pushrod.temperature=80K"], "the temperature of the members"),
     (['loads.gas={ at = "valve", direction = "uy", force = "900 N" }'], "the direction of the loads"),
