@@ -72,7 +72,7 @@ TYPICAL_RANGES = (
     TypicalRange(
         "sections.*.diameter sections.*.outer_diameter sections.*.inner_diameter sections.*.width_y sections.*.width_z "
         "springs.*.wire.diameter springs.*.wire.coil_diameter springs.*.coils.*.diameter cams.*.base_radius "
-        "cams.*.width cams.*.follower.radius cams.*.follower.face_diameter bearings.*.film.diameter "
+        "cams.*.follower.radius cams.*.follower.face_diameter bearings.*.film.diameter "
         "bearings.*.film.length contacts.*.oil.plunger_diameter",
         1e-6, 3.0, _LENGTH,
     ),
@@ -82,16 +82,19 @@ TYPICAL_RANGES = (
         0.0, 2.0, _LENGTH,
     ),
     TypicalRange("rockers.*.arms cams.*.follower.arm cams.*.follower.distance", 1e-4, 5.0, _LENGTH),
+    TypicalRange("cams.*.width", 1e-3, 0.06, _LENGTH),
     TypicalRange("cams.*.lift", 1e-6, 0.5, _LENGTH, "m"),
     TypicalRange("cams.*.ramps.height", 0.0, 0.05, _LENGTH),
+    TypicalRange("members.*.temperature", 0.0, 250.0),
     TypicalRange("members.*.bow", 0.0, 5e-3, {"mm": 1e-3}),
     TypicalRange("contacts.*.gap", 0.0, 0.05, _LENGTH, "m", turns=False),  # that of a desmodromic pair is its lift
     TypicalRange("contacts.*.gap", 0.0, 2.0 * math.pi, {"deg": math.radians(1.0)}, "rad", turns=True),
     TypicalRange("sections.*.A", 1e-10, 10.0, {"mm^2": 1e-6, "cm^2": 1e-4}),
     TypicalRange("sections.*.Iy sections.*.Iz sections.*.J", 1e-20, 10.0, {"mm^4": 1e-12, "cm^4": 1e-8}),
-    TypicalRange("springs.*.mass", 1e-8, 20.0, {"g": 1e-3, "kg": 1.0}),
-    TypicalRange("masses.*.mass", 1e-8, 20.0, {"g": 1e-3, "kg": 1.0}, zero=True),
-    TypicalRange("masses.*.inertia rockers.*.inertia", 1e-14, 1e3, {"g mm^2": 1e-9, "kg mm^2": 1e-6}),
+    TypicalRange("springs.*.mass", 1e-4, 20.0, {"g": 1e-3, "kg": 1.0}),
+    TypicalRange("masses.*.mass", 5e-4, 20.0, {"g": 1e-3, "kg": 1.0}, zero=True),
+    TypicalRange("masses.*.inertia", 1e-14, 1e3, {"g mm^2": 1e-9, "kg mm^2": 1e-6}),
+    TypicalRange("rockers.*.inertia", 1e-7, 1e-2, {"g mm^2": 1e-9, "kg mm^2": 1e-6}),
     TypicalRange("springs.*.damping", 1e-9, 1e8, {"N s/mm": 1e3, "N s/m": 1.0}),
     TypicalRange("springs.*.installed_force", 0.5, 1e5, _FORCE, turns=False),  # a few N hold a follower
     # Retaining springs are stiffer than valve springs, and a bare 50 is unlikely to mean 50 N/m.
