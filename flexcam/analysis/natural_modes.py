@@ -92,20 +92,24 @@ class ClosedModes:
 _MAX_UNKNOWNS = 1000  # number of unknowns up to which the modes of every cam take seconds
 
 
-def closed_modes(case: Case) -> tuple[list[ClosedModes], str]:
-    """Return the modes with contacts closed for every cam; without a static equilibrium none, and the reason."""
+def closed_modes(case: Case) -> tuple[list[ClosedModes], list[str]]:
+    """Return the modes with contacts closed for every cam, and remarks: open lashes, and why there are no modes."""
     model = build_model(case)
     if (size := build_structure(model).dofs.size) > _MAX_UNKNOWNS:
-        return [], f"No modes with contacts closed: {size} unknowns, computed up to {_MAX_UNKNOWNS}"
+        return [], [f"No modes with contacts closed: {size} unknowns, computed up to {_MAX_UNKNOWNS}"]
     contacts = [name for name, contact in model.cam_contacts.items() if isinstance(contact, CamContact)]
+    results, lashes, remarks = list[ClosedModes](), dict[str, None](), list[str]()
     try:
-        results: list[ClosedModes] = []
         for name in contacts:
-            base = modes_on_the_lift(model, name, case.speed, base_circle=True).model_modes
-            results.append(ClosedModes(name, base, modes_on_the_lift(model, name, case.speed).model_modes))
+            base = modes_on_the_lift(model, name, case.speed, base_circle=True)
+            lashes |= dict.fromkeys(base.open_lashes)
+            lifted = modes_on_the_lift(model, name, case.speed)
+            results.append(ClosedModes(name, base.model_modes, lifted.model_modes))
     except (InputError, RunFailedError) as failure:
-        return [], f"No modes with contacts closed: {failure}"
-    return results, ""
+        results, remarks = [], [f"No modes with contacts closed: {failure}"]
+    if lashes:
+        remarks.append(f"Open on the base circle, without stiffness in the modes: {', '.join(lashes)}")
+    return results, remarks
 
 
 def modal_assurance(case: Case, found: ModelModes, other: Case, others: ModelModes) -> tuple[FloatArray, int]:

@@ -121,7 +121,7 @@ def modes(
         path = create_folder(folder) / f"{read.name}-modes.vtkhdf"
         drawn = output_geometry(build_model(read))
         files = write_modes(path, drawn, model_modes.modes.frequencies, model_modes.modes.shapes, overwrite=overwrite)
-    closed, missing = natural_modes.closed_modes(read)
+    closed, remarks = natural_modes.closed_modes(read)
     moves = [model_modes.words(i) for i in range(len(model_modes.shares))]
     states = {cam.contact: [_elastic_modes(state, count) for state in (cam.base_circle, cam.full_lift)]
               for cam in closed}  # fmt: skip
@@ -138,7 +138,7 @@ def modes(
         *explain_planes([*moves, *(words for elastic in listed for _, words in elastic)]),
         *_explain_equal_frequencies(listed),
         *warnings,
-        *filter(None, [missing]),
+        *remarks,
     ]
     if criterion is not None:
         parts += _describe_mac(criterion, node_count)

@@ -235,6 +235,7 @@ class ContactModes:
 
     model_modes: ModelModes  #: modes with the stiffness of contacts closed at full lift
     push: FloatArray  #: modal force per contact force, shape (k,), 1/sqrt(kg)
+    open_lashes: tuple[str, ...] = ()  #: lashes that are open, and that these modes do not include
 
     @property
     def relevant_modes(self) -> list[int]:
@@ -251,7 +252,9 @@ class ContactModes:
 def contact_modes(structure: Structure, contact: str, held: Sequence[tuple[str, Triplets]]) -> ContactModes:
     """Return the modes of a train, and the modal force of a contact in each."""
     modes = model_modes(structure, held=held)
-    return ContactModes(modes, np.abs(structure.push(contact) @ modes.modes.shapes))
+    lashes = {f"contacts.{name}" for name, part in structure.model.contacts.items() if isinstance(part, Lash)}
+    open_lashes = tuple(name for name, stiffness in held if name in lashes and not stiffness.values.any())
+    return ContactModes(modes, np.abs(structure.push(contact) @ modes.modes.shapes), open_lashes)
 
 
 def contact_stiffness(

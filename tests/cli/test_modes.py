@@ -6,6 +6,8 @@ import re
 import numpy as np
 import pytest
 
+from flexcam.case.starters import new_case
+
 
 def test_modes_writes_paraview_files(flexcam, case, tmp_path):
     reading = pytest.importorskip("vtkmodules.vtkIOHDF")
@@ -47,6 +49,17 @@ def test_model_without_mass_has_no_modes(flexcam, tmp_path):
     (tmp_path / "case.toml").write_text(MASSLESS, encoding="utf-8")
     output = flexcam("modes", "case.toml").out
     assert "no modes with contacts open. A mode needs a mass, or a member with density, that can move." in output
+
+
+@pytest.mark.parametrize(
+    ("template", "lashes"),
+    [("gear-drive", "contacts.lash, contacts.driving, contacts.coasting"), ("pushrod-engine", "contacts.lash")],
+)
+def test_modes_name_open_lashes(template, lashes, flexcam, tmp_path):
+    case = new_case(template, tmp_path / "case.toml")[0]
+    output = " ".join(flexcam("modes", case, "--count", "1").out.split())
+    assert f"Open on the base circle, without stiffness in the modes: {lashes}" in output
+    assert f"{lashes}, " not in output
 
 
 def test_modes_with_closed_contacts(flexcam, one_mass):
