@@ -82,10 +82,10 @@ TYPICAL_RANGES = (
         0.0, 2.0, _LENGTH,
     ),
     TypicalRange("rockers.*.arms cams.*.follower.arm cams.*.follower.distance", 1e-4, 5.0, _LENGTH),
-    TypicalRange("cams.*.width", 1e-3, 0.06, _LENGTH),
+    TypicalRange("cams.*.width", 1e-3, 0.1, _LENGTH),
     TypicalRange("cams.*.lift", 1e-6, 0.5, _LENGTH, "m"),
     TypicalRange("cams.*.ramps.height", 0.0, 0.05, _LENGTH),
-    TypicalRange("members.*.temperature", 0.0, 250.0),
+    TypicalRange("members.*.temperature", 0.0, 700.0),
     TypicalRange("members.*.bow", 0.0, 5e-3, {"mm": 1e-3}),
     TypicalRange("contacts.*.gap", 0.0, 0.05, _LENGTH, "m", turns=False),  # that of a desmodromic pair is its lift
     TypicalRange("contacts.*.gap", 0.0, 2.0 * math.pi, {"deg": math.radians(1.0)}, "rad", turns=True),
