@@ -6,11 +6,9 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, MutableMapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import reduce
-from operator import getitem
 from pathlib import Path
 from typing import Any, cast
 
@@ -107,52 +105,26 @@ def case_text(case: Case, target: Path, comments: Sequence[str] = ()) -> str:
         source = find_referenced_file(case.path, text) if named else None
         return text if source is None else Path(os.path.relpath(source, target.parent)).as_posix()
 
-    record = cast("dict[str, Any]", map_texts(case_tables(case), relocate))
-    head = "".join(f"# {line}\n" for line in comments)
-    return head + (_edit_text(case.text, record) or format_toml(record))
+    import tomlkit
+
+    tables = cast("dict[str, Any]", map_texts(case_tables(case), relocate))
+    document = tomlkit.parse(case.text)
+    _assign(document, tables)
+    text = document.as_string()
+    if tomllib.loads(text) != tables:
+        text = format_toml(tables)
+    return "".join(f"# {line}\n" for line in comments) + text
 
 
-# Value on one line in a TOML file.
-_VALUE = r"""("[^"\n]*"|'[^'\n]*'|\[[^\]\n]*\]|[^\s,#"'\[\]{}]+)"""
-
-
-def _edit_text(text: str, tables: Mapping[str, Any]) -> str | None:
-    """Return the text of a case with given tables, edited by value; None if this needs more than single values."""
-    pending = list(_changed_keys(tomllib.loads(text), tables))
-    while pending:
-        keys, pending = pending[0], pending[1:]
-        value = reduce(getitem, keys, cast("Any", tables)) if keys else None
-        texts = () if value is None or isinstance(value, dict) else _edits(text, keys[-1], value)
-        edited = next((new for new in texts if list(_changed_keys(tomllib.loads(new), tables)) == pending), None)
-        if edited is None:
-            return None
-        text = edited
-    return text
-
-
-def _changed_keys(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
-    """Yield the paths of changed and new values; an empty one for a removed value."""
-    for key in {**old, **new}:
-        if key not in new:
-            yield ()
-        elif isinstance(old.get(key), dict) and isinstance(new[key], dict):
-            yield from ((key, *inner) if inner else () for inner in _changed_keys(old[key], new[key]))
-        elif key not in old or old[key] != new[key]:
-            yield (key,)
-
-
-def _edits(text: str, key: str, value: object) -> Iterator[str]:
-    """Yield valid texts with one value of a key replaced, then with the key added to a table."""
-    entry = format_toml({key: value}).strip()
-    name, _, new = entry.partition(" = ")
-    values = re.finditer(rf"(?:^|[\s{{,.]){re.escape(name)}\s*=\s*{_VALUE}", text, re.MULTILINE)
-    heads = re.finditer(r"^\[[^\n]*\n", text, re.MULTILINE)
-    changes = [(*m.span(1), new) for m in values] + [(m.end(), m.end(), entry + "\n") for m in heads]
-    for start, end, inserted in changes:
-        edited = text[:start] + inserted + text[end:]
-        with suppress(ValueError):  # a table that already has the key
-            tomllib.loads(edited)
-            yield edited
+def _assign(table: MutableMapping[str, Any], values: Mapping[str, Any]) -> None:
+    """Give a table the values of another one; entries that are equal keep their text."""
+    for key in [key for key in table if key not in values]:
+        del table[key]
+    for key, value in values.items():
+        if isinstance(value, dict) and isinstance(table.get(key), dict):
+            _assign(table[key], cast("dict[str, Any]", value))
+        elif key not in table or table[key] != value:
+            table[key] = value
 
 
 def map_initial_state(case: Case, other: Case) -> Case:
