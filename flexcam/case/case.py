@@ -35,7 +35,6 @@ from flexcam.case.schema.parts import (
 from flexcam.case.schema.run import FidelityRecord, NewmarkRecord, OutputRecord, PhaserRecord, RunRecord
 from flexcam.case.schema.springs import SpringRecord
 from flexcam.core.errors import InputError, refuse
-from flexcam.core.html import html_table
 from flexcam.core.units import DIMENSIONS, shaft_speed
 from flexcam.fem.mesh import Mesh
 
@@ -210,11 +209,6 @@ class Case:
 
     def __repr__(self) -> str:
         return f"<Case {self.title!r}, {self.path}>"
-
-    def _repr_html_(self) -> str:
-        parts = ("members", "masses", "springs", "rockers", "cams", "contacts", "loads")
-        rows = {"file": str(self.path), "speed": self.speed_text, "overrides": ", ".join(self.overrides)}
-        return html_table(self.title, rows | {name: ", ".join(getattr(self.record, name)) for name in parts})
 
     @property
     def name(self) -> str:

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import finite_array, refuse, require_packages, suggest_name
-from flexcam.core.html import html_table
 from flexcam.dynamics.blocks import Block, Series
 from flexcam.dynamics.status import Stats, Status
 
@@ -189,21 +188,6 @@ class Response:
         probes = ", ".join(name for name, _ in self.outline.probes) or "none"
         contents = f"{len(self.time)} instants, {len(self.field_time)} fields; probes: {probes}"
         return f"<Response, {self.status}; {contents}; {len(self.channels)} channels>"
-
-    def _repr_html_(self) -> str:
-        """Return a table of the contents, for notebooks."""
-        last = f"{self.time[-1]:.6g} s, {np.degrees(self.angle[-1]):.6g} deg of cam angle" if len(self.time) else "none"
-        return html_table(
-            "Response",
-            {
-                "status": str(self.status),
-                "end": last,
-                "instants": f"{len(self.time)}, {len(self.field_time)} with all unknowns",
-                "engine": f"{self.stats.engine}, {self.stats.steps} steps, {self.stats.unknowns} unknowns",
-                "probes": ", ".join(name for name, _ in self.outline.probes),
-                "channels": ", ".join(self.channels),
-            },
-        )
 
     @cached_property
     def metrics(self) -> Mapping[str, float]:

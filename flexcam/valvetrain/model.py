@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 
-from flexcam.core.html import html_table
 from flexcam.fem.assembly import Damping, Member
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.superelements import Superelement
@@ -90,13 +89,11 @@ class Model:
         for name in (item.name for item in fields(self) if isinstance(getattr(self, item.name), Mapping)):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
-    def _repr_html_(self) -> str:
-        parts = (
-            "members", "superelements", "masses", "springs", "bearings", "rockers", "cams", "contacts", "friction",
-            "loads",
-        )  # fmt: skip
-        rows = {"nodes": str(len(self.mesh.nodes)), "probes": ", ".join(self.probes)}
-        return html_table("Model", rows | {name: ", ".join(getattr(self, name)) for name in parts})
+    def __repr__(self) -> str:
+        """Return the number of nodes and the names of the parts."""
+        groups = {item.name: getattr(self, item.name) for item in fields(self)[1:]}
+        parts = [f"{name} {', '.join(group)}" for name, group in groups.items() if isinstance(group, Mapping) and group]
+        return f"<Model, {'; '.join([f'{len(self.mesh.nodes)} nodes', *parts])}>"
 
     @property
     def cam_contacts(self) -> dict[str, PublishedLoad | CamContact]:
