@@ -91,8 +91,8 @@ class Model:
 
     def __repr__(self) -> str:
         """Return the number of nodes and the names of the parts."""
-        groups = {item.name: getattr(self, item.name) for item in fields(self)[1:]}
-        parts = [f"{name} {', '.join(group)}" for name, group in groups.items() if isinstance(group, Mapping) and group]
+        names = "members", "superelements", "masses", "springs", "bearings", "rockers", "cams", "contacts", "loads"
+        parts = [f"{name} {', '.join(getattr(self, name))}" for name in names if getattr(self, name)]
         return f"<Model, {'; '.join([f'{len(self.mesh.nodes)} nodes', *parts])}>"
 
     @property
