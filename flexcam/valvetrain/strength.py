@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,8 @@ from flexcam.valvetrain.parts import Spring
 from flexcam.valvetrain.structure import Structure, element_loads
 
 
-def buckling_load(structure: Structure, member: str) -> float:
+@lru_cache(maxsize=16)
+def buckling_load(model: Model, member: str) -> float:
     """Return the buckling load of a member, with the members that continue it, in its supports.
 
     The lowest P of ``K + P Kg(-1)`` over their elements, with the supports of the nodes and the springs and bearings
@@ -34,7 +35,6 @@ def buckling_load(structure: Structure, member: str) -> float:
     supports leave free are hinged. Elements are divided if fewer than four lie between supports, as a single one is up
     to 50 % too stiff. The load of too many elements is infinite.
     """
-    model = structure.model
     names, line = _find_strut(model, member)
     load = _lowest_load(model, names, line, 1) if 6 * (len(line) - 1) <= DENSE_LIMIT else math.inf
     return load if math.isinf(load) or (parts := _parts(model, line)) == 1 else _lowest_load(model, names, line, parts)
@@ -242,7 +242,7 @@ def geometric_stiffness_forces(structure: Structure) -> Coupling:
         else:
             compression = linear_compression(Bars(structure, elements))
         channels.append(Channel(f"{where}.compression", "N", compression))
-        if math.isfinite(limit := buckling_load(structure, name)):
+        if math.isfinite(limit := buckling_load(model, name)):
             channels.append(Channel(f"{where}.buckling_use", "1", _quotient(compression, limit)))
     return Coupling((), tuple(forces), tuple(channels))
 

@@ -111,7 +111,7 @@ def _support_channels(model: Model, reaction: Callable[[int, FloatArray], Observ
                 yield channel(f"{name}.{kind}_{'xyz'[component % 3]}", unit, node, motion[None])
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def _release_support(structure: Structure, node: int) -> tuple[Structure, IntArray]:
     """Return the structure with the held components of a node released, and the indices of the others in it."""
     held = np.flatnonzero(~structure.dofs.moving[node])
@@ -119,7 +119,7 @@ def _release_support(structure: Structure, node: int) -> tuple[Structure, IntArr
     return build_structure_in(structure.model, dofs), np.delete(np.arange(dofs.size), dofs.numbers[node, held])
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def _joints_and_loads(structure: Structure) -> tuple[Coupling, ...]:
     """Return the couplings other than contacts, in the order of the system."""
     return (*_joints(structure), Coupling(given_loads(structure), (), ()))
