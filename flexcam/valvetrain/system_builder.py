@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from functools import cache, lru_cache, partial
-from itertools import product
+from functools import lru_cache
 
 import numpy as np
 
 from flexcam import dynamics
-from flexcam.core import DENSE_LIMIT, FloatArray, IntArray, Triplets
+from flexcam.core import DENSE_LIMIT, IntArray, Triplets
 from flexcam.core.errors import parse_all, refuse
 from flexcam.dynamics import Channel, DofSubset, Observable, Observation, Probe, System
 from flexcam.fem.assembly import modal_damping, rayleigh_damping
-from flexcam.fem.dofs import COMPONENTS
 from flexcam.valvetrain.cam_contact import couple_cam
-from flexcam.valvetrain.camshaft import rotation_supports, shaft_channels
+from flexcam.valvetrain.camshaft import shaft_channels
 from flexcam.valvetrain.contacts import (
     couple_adjuster,
     couple_films,
@@ -31,7 +29,8 @@ from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, CamContact, Contact, Lash, PublishedLoad, Seat
 from flexcam.valvetrain.springs import couple_springs
 from flexcam.valvetrain.strength import geometric_stiffness_forces
-from flexcam.valvetrain.structure import Structure, build_structure, build_structure_in, coupled_groups, probe_of
+from flexcam.valvetrain.structure import Structure, build_structure, coupled_groups, probe_of
+from flexcam.valvetrain.support_reactions import support_channels
 
 _MODAL_LIMIT = 2 * DENSE_LIMIT  # maximum number of unknowns for which all modes are computed
 
@@ -42,9 +41,9 @@ def build_system(model: Model, speed: float) -> System:
     contacts = couple_contacts(structure, lambda name: couple_contact(structure, name, model.contacts[name], speed))
     damping, joints = _at_any_speed(structure)
     couplings = [*contacts, *joints, Coupling(given_loads(structure), (), ()), couple_films(structure, speed)]
-    parts = split_observation(couplings)
-    reactions = partial(_reaction, structure, contacts, parts, speed)
-    return assemble_system(structure, damping, couplings, _support_channels(model, reactions))
+    terms = list(zip(couplings, split_observation(couplings), strict=True))
+    reactions = support_channels(structure, terms, lambda released: _couple_released(released, speed))
+    return assemble_system(structure, damping, couplings, reactions)
 
 
 def couple_contacts(structure: Structure, couple: Callable[[str], Coupling]) -> list[Coupling]:
@@ -84,95 +83,22 @@ def _joints(structure: Structure) -> tuple[Coupling, ...]:
     return tuple(couple(structure) for couple in parts)
 
 
-_REACTIONS = ("force", "N"), ("moment", "N m")
-
-
-def _support_channels(model: Model, reaction: Callable[[int, FloatArray], Observable]) -> Iterator[Channel]:
-    """Yield the torques of supports that hold the rotation of a shaft, and the reactions of the requested supports.
-
-    `reaction` returns the force of the support of a node on the mechanism along some motions of the node, shape (k, 6).
-    """
-
-    def channel(name: str, unit: str, node: int, motions: FloatArray) -> Channel:
-        along = cache(partial(reaction, node, motions))  # built at its first use: it takes a second structure
-        return Channel(f"supports.{name}", unit, lambda obs: along()(obs))
-
-    for name, node, axis in rotation_supports(model):
-        yield channel(f"{name}.torque", "N m", node, np.append(np.zeros(3), axis)[None])
-    for point in model.reactions:
-        nodes = model.mesh.select(point).tolist()
-        held = [COMPONENTS.index(component) for component in model.supports[point]]
-        for node, motions in product(nodes, [np.eye(6)[held]]):
-            name = point if len(nodes) == 1 else model.mesh.node_name(node)
-            if len(forces := motions[motions[:, :3].any(axis=1)]):
-                yield channel(f"{name}.force", "N", node, forces)
-            for component, motion in zip(held, motions, strict=True):
-                kind, unit = _REACTIONS[component // 3]
-                yield channel(f"{name}.{kind}_{'xyz'[component % 3]}", unit, node, motion[None])
-
-
-@lru_cache(maxsize=16)
-def _release_support(structure: Structure, node: int) -> tuple[Structure, IntArray]:
-    """Return the structure with the held components of a node released, and the indices of the others in it."""
-    held = np.flatnonzero(~structure.dofs.moving[node])
-    dofs = structure.dofs.release(node, held, structure.model.mesh.node_name(node))
-    return build_structure_in(structure.model, dofs), np.delete(np.arange(dofs.size), dofs.numbers[node, held])
-
-
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=4)
 def _joints_and_loads(structure: Structure) -> tuple[Coupling, ...]:
-    """Return the couplings other than contacts, in the order of the system."""
+    """Return the couplings other than contacts and films, in the order of the system."""
     return (*_joints(structure), Coupling(given_loads(structure), (), ()))
 
 
-def _reaction(
-    structure: Structure, contacts: Sequence[Coupling], parts: Sequence[_Part], speed: float, node: int,
-    motions: FloatArray,
-) -> Observable:  # fmt: skip
-    """Return the force of a support on the mechanism along a motion of its node, or the magnitude along several.
+def _couple_released(structure: Structure, speed: float) -> list[Coupling]:
+    """Return the couplings of a structure with released supports in the order of the system.
 
-    It balances inertia, damping without modal damping, stiffness, loads and local forces of the released structure.
+    Published loads are left out: their stiffness is that of the supported structure.
     """
-    released, kept = _release_support(structure, node)
-    rows = np.array([released.dofs.vector(node, motion) for motion in motions])
-    damping = released.model.damping
-    damped = released.dampers + rayleigh_damping(released.mass, released.stiffness, damping.alpha, damping.beta)
-    matrices = released.stiffness, damped, released.mass
-    passive = [np.array([matrix.times(row)[kept] for row in rows]) for matrix in matrices]
-    applied = [
-        (part, partial(_applied_force, coupling, rows))
-        for part, coupling in zip(parts[len(contacts) :], _joints_and_loads(released), strict=False)
+    contacts = [
+        Coupling((), (), ()) if isinstance(contact, PublishedLoad) else couple_contact(structure, name, contact, speed)
+        for name, contact in structure.model.contacts.items()
     ]
-    for part, (name, contact), coupling in zip(parts, structure.model.contacts.items(), contacts, strict=False):
-        if isinstance(contact, PublishedLoad):  # its stiffness is that of the supported structure
-            twist = released.row(released.model.cams[contact.cam].at, contact.rotation)
-            arms = rows @ np.array([released.push(name), -contact.cam_torque * twist]).T
-            applied.append((part, partial(_published_force, coupling, arms)))
-        else:
-            applied.append((part, partial(_applied_force, couple_contact(released, name, contact, speed), rows)))
-
-    def force(obs: Observation) -> FloatArray:
-        total: FloatArray = np.sum([obs.moved.extract(row, order) for order, row in enumerate(passive)], axis=0)
-        total -= np.sum([along(part(obs)) for part, along in applied], axis=0)
-        return total[:, 0] if len(rows) == 1 else np.linalg.norm(total, axis=1)
-
-    return force
-
-
-def _applied_force(coupling: Coupling, rows: FloatArray, obs: Observation) -> FloatArray:
-    """Return the force of loads and local forces of a coupling along some motions, shape (m, k)."""
-    vectors = np.array([load.vector for load in coupling.loads]).reshape(-1, rows.shape[1])
-    total = obs.histories @ (vectors @ rows.T)
-    for i, act in enumerate(act for force in coupling.forces for act in force.act):
-        if (arms := act.vectors @ rows.T).any():
-            weights = [obs.cam(function, 0) for function in act.functions] or [np.ones(len(total))]
-            total += obs.forces[:, i, None] * (np.array(weights).T @ arms)
-    return total
-
-
-def _published_force(coupling: Coupling, arms: FloatArray, obs: Observation) -> FloatArray:
-    """Return the force of a published load along some motions, from the arms of its force and its torque, (k, 2)."""
-    return np.column_stack([channel.value(obs) for channel in coupling.channels]) @ arms.T
+    return [*contacts, *_joints_and_loads(structure), couple_films(structure, speed)]
 
 
 def couple_contact(structure: Structure, name: str, contact: Contact, speed: float) -> Coupling:

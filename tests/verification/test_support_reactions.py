@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from flexcam import build_model, prepare, read_case, solve
 from flexcam.dynamics import SaveAt
 from flexcam.fem.recovery import section_forces
-from flexcam.valvetrain import build_structure
+from flexcam.valvetrain import build_structure, build_system
 
 SOURCE = "Reactions of supports"
 ROOT = Path(__file__).parents[2]
@@ -28,6 +29,10 @@ PINNED = 'supports={ left = ["ux", "uy", "uz", "rx"], right = ["uy", "uz"] }'
 CLAMPED = 'supports={ left = ["ux", "uy", "uz", "rx", "ry", "rz"] }'
 DAMPED = "run.damping={ alpha = 8.0, beta = 1e-6 }"
 CAMSHAFT = ("drive", "front", "rear")
+JOURNAL = (  # a journal beside its node, whose rotation is held
+    'nodes.journal=["100 mm", 0, 0]', 'rigid_links.stub={ from = "rear", to = ["journal"] }',
+    'bearings.rear.at="journal"', "run.revolutions=0.01", 'run.start="equilibrium"',
+)  # fmt: skip
 
 
 @pytest.fixture
@@ -88,6 +93,31 @@ def test_supports_of_slow_camshaft_balance_the_cam_force(record, name):
     record(source=SOURCE, case=f"slow camshaft of {Path(name).stem}", quantity="largest error of the sum of reactions",
            unit="1", reference=0.0, computed=np.abs(total - force).max() / force.max(), tolerance=1e-3, absolute=True,
            reason="inertia of the shaft")  # fmt: skip
+
+
+def test_film_at_a_link_of_a_supported_node(record):
+    """The moment of the support is that of a stiff spring in its place."""
+
+    def start(*overrides):
+        ready = prepare(read_case(ROOT / "flexcam/templates/gear-drive.toml", [*JOURNAL, *overrides]))
+        return ready, solve(ready.problem, ready.scheme, save=SaveAt(field_every=1))
+
+    _, held = start('supports.rear=["ry", "rz"]', 'output.reactions=["rear"]')
+    spring = 'springs.stiff={ at = "rear", direction = "rz", stiffness = 1e9 }'
+    ready, sprung = start('supports.rear=["ry"]', spring)
+    turn = build_structure(ready.model).dofs.nodal(sprung.fields.displacement)[0, ready.model.mesh.node("rear"), 5]
+    record(source=SOURCE, case="oil film beside a support, by a spring of 1e9 N m/rad in its place",
+           quantity="moment about z", unit="N m", reference=-1e9 * turn, tolerance=1e-3, reason="yield of the spring",
+           computed=held.channels["supports.rear.moment_z"][0])  # fmt: skip
+
+
+def test_supports_at_one_node_are_one_reaction():
+    model = build_model(read_case(ROOT / "tests/data/inline.toml"))
+    points = dict(model.mesh.points, twin=model.mesh.points["front"])
+    model = replace(model, mesh=replace(model.mesh, points=points), reactions=("front", "twin"),
+                    supports={**model.supports, "front": ("uy",), "twin": ("uz",)})  # fmt: skip
+    names = [channel.name for channel in build_system(model, 100.0).channels if "front" in channel.name]
+    assert names == ["supports.front.force", "supports.front.force_y", "supports.front.force_z"]
 
 
 def test_reactions_leave_the_motion_unchanged():
