@@ -108,7 +108,7 @@ def closed_modes(case: Case) -> tuple[list[ClosedModes], list[str]]:
     except (InputError, RunFailedError) as failure:
         results, remarks = [], [f"No modes with contacts closed: {failure}"]
     if lashes:
-        remarks.append(f"Open on the base circle, without stiffness in the modes: {', '.join(lashes)}")
+        remarks.append(f"Lashes that are open on the base circle, and have no stiffness there: {', '.join(lashes)}")
     return results, remarks
 
 

@@ -89,16 +89,17 @@ MAX_PERIODICITY_ERROR = 1e-3
 # Before a run
 
 
-def check_input(ready: PreparedRun, steps: int = 0) -> list[str]:
+def check_input(ready: PreparedRun, steps: int = 0, *, integrates: bool = True) -> list[str]:
     """Return warnings about a case: implausible numbers, impossible lobes, parts without effect, open contacts.
 
-    A finished run may require more steps per revolution than its lifts, see `required_steps`.
+    A finished run may require more steps per revolution than its lifts, see `required_steps`. Without time integration
+    steps do not matter.
     """
     return [
         *check_values(ready.case),
         *check_lobes(ready.model),
         *check_model(ready.case, ready.model, ready.problem, ready.scheme),
-        *_check_cam_steps(ready, steps or required_steps(ready)),
+        *(_check_cam_steps(ready, steps or required_steps(ready)) if integrates else ()),
         *_check_geometric_stiffness(ready),
         *_check_valves(ready.model),
     ]
@@ -417,7 +418,7 @@ def describe_model_limits(ready: PreparedRun) -> list[str]:
     if model == "beams":
         return []
     if model == "rigid":
-        return ["Warning: the rigid model computes no member forces: it gives no stresses and section forces"]
+        return ["Warning: the rigid model has no member forces: it gives no stresses, section forces and reactions"]
     channels = {channel.name for channel in ready.problem.system.channels}
     missing = [name for name in compressed_members(ready.model) if f"members.{name}.compression" not in channels]
     why = "it has no vibration of members and no spring surge, and the camshaft deforms as under static contact forces"
@@ -570,7 +571,8 @@ def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[s
         deformed, moved = (float(np.linalg.norm(np.ptp(u, axis=0)) / length) for u in (bent, motion))
         if deformed > _MAX_DEFLECTION:
             why = f"it deforms by {100.0 * deformed:.3g} % of its length"
-            yield f"Warning: member {name} leaves the range of small displacements: {why}; its results are not valid"
+            where = f"member {name} leaves the range of small displacements, so that its results are not valid"
+            yield f"Warning: {where}: {why}"
         elif moved > _MAX_DEFLECTION:
             angle = format_quantity("rad", float(np.linalg.norm(rotation)), digits=3)
             why = "the equations keep its initial position"

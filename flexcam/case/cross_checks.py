@@ -249,8 +249,13 @@ class RawTables:
                 yield self._fault(("superelements", name, "nodes"), given, "different nodes", why)
         for name in self._table("supports"):
             yield from self._check_name(("supports", name), name, list(counts), "a point")
+        supports, at_bearings = list(self._table("supports")), [part.get("at") for _, part in self._parts("bearings")]
         for name in _as_list(self._table("output").get("reactions")):
-            yield from self._check_name(("output", "reactions"), name, list(self._table("supports")), "a support")
+            if name in at_bearings and name not in supports:
+                why, remedy = "a bearing with stiffness or film is no support", "use its displacement (output.probes)"
+                yield self._fault(("output", "reactions"), repr(name), "a point of [supports]", why, remedy)
+            elif not isinstance(name, str) or re.match(NAME, name):
+                yield from self._check_name(("output", "reactions"), name, supports, "a support")
         for probe in _as_list(self._table("output").get("probes")):
             if not isinstance(probe, str) or re.match(NAME, probe):  # the schema reports other texts
                 yield from self._check_point(("output", "probes"), probe, with_rockers)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain, permutations, product
 from typing import Any, cast
@@ -82,7 +83,7 @@ TYPICAL_RANGES = (
         0.0, 2.0, _LENGTH,
     ),
     TypicalRange("rockers.*.arms cams.*.follower.arm cams.*.follower.distance", 1e-4, 5.0, _LENGTH),
-    TypicalRange("cams.*.width", 1e-3, 0.1, _LENGTH),
+    TypicalRange("cams.*.width", 1e-3, 0.3, _LENGTH),
     TypicalRange("cams.*.lift", 1e-6, 0.5, _LENGTH, "m"),
     TypicalRange("cams.*.ramps.height", 0.0, 0.05, _LENGTH),
     TypicalRange("members.*.temperature", 0.0, 700.0),
@@ -351,19 +352,25 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
         if problem.start is not None and problem.start.periodicity is not None:  # a follower may fly there
             problem = replace(problem, start=equilibrium(problem.system, problem.drive))
         first = solve(replace(problem, steps=1, engine="direct", adaptive=None), newmark())
-        unloaded = _without_tables(problem)  # gas presses a valve on its seat that its spring opens
-        springs = first if unloaded is problem else solve(replace(unloaded, steps=1, adaptive=None), newmark())
     except RunFailedError:
         return  # the run reports it
-    if not (len(first.time) and len(springs.time)):
+    if not len(first.time):
         return
+    starts = [first]
+    with suppress(RunFailedError):  # gas presses a valve on its seat that its spring opens
+        starts += [solve(unloaded, newmark()) for unloaded in _without_tables(problem)]
+    forces = [start.channels for start in starts if len(start.time)]
+
+    def force(name: str) -> float:
+        return min(float(channels[f"contacts.{name}.force"][0]) for channels in forces)
+
     lost = False
     closed = {
         name: abs(float(cam.lift(first.angle[:1], 0)[0])) <= _BASE_LIFT * cam.event.height
         for name, cam in model.cams.items()
     }
     for name, contact in contacts.items():
-        if closed[contact.cam] and float(springs.channels[f"contacts.{name}.force"][0]) <= 0.0:
+        if closed[contact.cam] and force(name) <= 0.0:
             why, lost = "no spring pushes the follower against its cam on the base circle", True
             remedy = "check the direction of the contact, and the installed_force and direction of the springs"
             yield f"Warning: contacts.{name}: {why}; {remedy}"
@@ -372,7 +379,7 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
             why = f"on the base circle the follower sinks {format_quantity('m', depth, digits=3)} into its cam"
             yield f"Warning: contacts.{name}: {why}; check its stiffness, the loads and their units"
     for name in seats if closed and all(closed.values()) and not lost else ():
-        if float(springs.channels[f"contacts.{name}.force"][0]) <= 0.0:
+        if force(name) <= 0.0:
             why = "nothing holds the valve on its seat with the cams on their base circles"
             causes = ["the direction and installed_force of the spring that closes the valve"]
             if any(member.temperature for member in model.members.values()):
@@ -390,15 +397,16 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
             yield f"Warning: contacts.{name}: {why}; add the seat of the valve, such as [contacts.seat]"
 
 
-def _without_tables(problem: Problem) -> Problem:
-    """Return a problem in equilibrium without loads from tables; the same problem if it has none."""
+def _without_tables(problem: Problem) -> Iterator[Problem]:
+    """Yield a step of a problem from equilibrium without its loads from tables, if it has any."""
     system, loads = problem.system, problem.system.loads
     if not any(isinstance(load.history, LoadTable) for load in loads):
-        return problem
+        return
     zero = np.zeros(system.size)
     loads = tuple(replace(load, vector=zero) if isinstance(load.history, LoadTable) else load for load in loads)
     system = replace(system, loads=loads)
-    return replace(problem, system=system, start=equilibrium(system, problem.drive), engine="direct")
+    start = equilibrium(system, problem.drive)
+    yield replace(problem, system=system, start=start, steps=1, engine="direct", adaptive=None)
 
 
 def _cam_lashes(model: Model) -> list[str]:

@@ -26,6 +26,7 @@ from flexcam.analysis.preparation import prepare_without_periodic_search
 from flexcam.analysis.run_checks import check_input
 from flexcam.case.case import Case
 from flexcam.case.fault_report import parse_toml
+from flexcam.case.input_checks import check_values
 from flexcam.case.reader import read_case
 from flexcam.core.errors import Fault, FlexcamError, InputError, collect_errors, refuse
 from flexcam.core.units import RPM, UnitSystem, parse, set_unit_system
@@ -182,10 +183,11 @@ def warn_ignored_keys(overrides: Sequence[str] | None, case: Case | None = None)
             print_message(f"Note: {', '.join(places)} {has} no effect in {command}: {why}")
 
 
-def warn_input(case: Case) -> None:
-    """Print the warnings about a case before its runs, those of ``flexcam check``."""
+def warn_input(case: Case, *others: Case, integrates: bool = True) -> None:
+    """Print the warnings of ``flexcam check`` about a case before its runs, and about values of other variants."""
     with suppress(FlexcamError):  # of a case that cannot be prepared: the command reports it
-        for warning in check_input(prepare_without_periodic_search(case)):
+        warnings = check_input(prepare_without_periodic_search(case), integrates=integrates)
+        for warning in dict.fromkeys([*warnings, *(text for other in others for text in check_values(other))]):
             print_message(warning)
 
 

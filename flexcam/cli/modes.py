@@ -48,7 +48,8 @@ def _explain_equal_frequencies(states: Sequence[Sequence[tuple[float, str]]]) ->
     """Explain equal frequencies of adjacent modes in which the same member bends."""
     for (low, first), (high, second) in chain.from_iterable(map(pairwise, states)):
         member, bends, _ = first.partition(" bending ")
-        if bends and second.startswith(f"{member} bending ") and high - low <= _EQUAL * high:
+        member = member.rpartition(", ")[2]
+        if bends and f"{member} bending " in second and high - low <= _EQUAL * high:
             why = "with equal stiffness and supports in two planes"
             return [f"Equal frequencies: a member {why}, such as {member}, bends in both at the same frequency."]
     return []
@@ -108,7 +109,7 @@ def modes(
         lambda: cli.check_number("--count", count),
         lambda: None if folder is None else check_folder_name(folder),
     )
-    cli.warn_input(read)
+    cli.warn_input(read, integrates=False)
     model_modes = natural_modes.modes(read, count, prestress=prestress)
     warnings = [*filter(None, [model_modes.modes.describe_rounding()])]
     criterion, node_count = None, 0
@@ -279,7 +280,7 @@ def campbell(
         lambda: cli.check_targets(csv, plot, case, overwrite=overwrite),
     )
     speeds = cli.spaced_speeds(lowest, highest, count, read)
-    cli.warn_input(read)
+    cli.warn_input(read, integrates=response)
     if response:
         return _orders_of_response(read, speeds, _select_signals(read, channels, probes), numbers[-1])
     return modes_over_speed(read, speeds, numbers, 8 if modes is None else modes, contact)

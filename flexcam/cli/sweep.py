@@ -131,7 +131,8 @@ def sweep(
     if not allow_large:
         at_once = 1 if scheduler or workers == 0 else workers or count_cores()
         check_sweep_resources(study, folder if histories else None, together=at_once)
-    cli.warn_input(open_case(study.bundle).read(study.plan.variants[0]))
+    file, variants = open_case(study.bundle), study.plan.variants
+    cli.warn_input(file.read(variants[0]), *(file.read(last) for last in variants[1:][-1:]))
     with show_count(len(study.plan), "variants") as advance:
         table, files = run_sweep_to_files(study, target, runners, advance=advance)
     status = cli.joint_status(table.statuses, "variants")

@@ -411,8 +411,7 @@ def _parse_scatter(case: Case, setting: str) -> PartScatter:
     else:
         half = parse(match[2], dimension, where)
         if number.unit and match[2][-1] in "0123456789.":
-            example = DIMENSIONS[dimension].example
-            allowed = f"a percentage or a number with its unit, such as ±2% or ±{example}"
+            allowed = f"a percentage or a number with its unit, such as ±2% or ±{match[2]} {number.unit}"
             raise refuse(where, repr(match[2]), allowed, "the unit is missing", "write the unit after the number")
     if not half > 0.0:
         raise refuse(where, repr(spec), "a width above zero", "the value would not vary")

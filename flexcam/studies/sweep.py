@@ -178,11 +178,15 @@ def _evaluate_with_frequencies(
 ) -> list[Row]:
     """Run consecutive variants in a worker, and add natural frequencies to the rows of complete runs."""
     rows, modes = run(source, variants), evaluate_each(source, variants, partial(quantity_row, names=names))
-    return [
-        replace(row, scalars={**row.scalars, **mode.scalars}, units={**row.units, **mode.units})
-        if row.status.ok else row
-        for row, mode in zip(rows, modes, strict=True)
-    ]  # fmt: skip
+
+    def merge(row: Row, mode: Row) -> Row:
+        if not row.status.ok:
+            return row
+        if not mode.status.ok:
+            return replace(row, status=Status(text=" | ".join(filter(None, (row.status.text, mode.status.text)))))
+        return replace(row, scalars={**row.scalars, **mode.scalars}, units={**row.units, **mode.units})
+
+    return list(map(merge, rows, modes))
 
 
 def make_sweep(

@@ -58,7 +58,7 @@ def test_model_without_mass_has_no_modes(flexcam, tmp_path):
 def test_modes_name_open_lashes(template, lashes, flexcam, tmp_path):
     case = new_case(template, tmp_path / "case.toml")[0]
     output = " ".join(flexcam("modes", case, "--count", "1").out.split())
-    assert f"Open on the base circle, without stiffness in the modes: {lashes}" in output
+    assert f"Lashes that are open on the base circle, and have no stiffness there: {lashes}" in output
     assert f"{lashes}, " not in output
 
 
