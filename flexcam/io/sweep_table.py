@@ -88,7 +88,9 @@ class SweepTable:
     def select(self, names: Sequence[str]) -> SweepTable:
         """Return the table with only the given scalars."""
         if self.scalars and (unknown := [name for name in names if not is_scalar_prefix(name, self.scalars)]):
-            raise InputError(unknown_scalar_fault(name, self.scalars) for name in unknown)
+            reasons = {name: next((s.text for s in self.statuses if name in s.text), "") for name in unknown}
+            faults = [(unknown_scalar_fault(name, self.scalars), reason) for name, reason in reasons.items()]
+            raise InputError(replace(fault, why=reason or fault.why) for fault, reason in faults)
         scalars = {key: values for n in names for key, values in self.scalars.items() if is_scalar_prefix(n, (key,))}
         return replace(self, scalars=scalars, units={name: self.units[name] for name in scalars})
 

@@ -216,10 +216,11 @@ def test_spring_that_opens_valve_causes_warning(flexcam, direct, measured):
     assert "the temperature" not in warning
 
 
-def test_spring_that_opens_valve_under_gas_causes_warning(flexcam, tmp_path):
+@pytest.mark.parametrize("reversed_part", ["springs.valve.direction=uy", "loads.gas.direction=-uy"])
+def test_spring_or_gas_that_opens_valve_causes_warning(reversed_part, flexcam, tmp_path):
     """At the start the gas load of the table presses the valve on its seat."""
     case = new_case("exhaust-valve", tmp_path / "case.toml")[0]
-    done = flexcam("check", case, "--set", "springs.valve.direction=uy", "--json")
+    done = flexcam("check", case, "--set", reversed_part, "--json")
     assert any("nothing holds the valve on its seat" in warning for warning in done.json["warnings"])
 
 

@@ -380,3 +380,4 @@ def test_frequencies_are_columns_on_request(flexcam, case, tmp_path):
     np.testing.assert_allclose(table["frequency.1"], hertz, rtol=1e-12)
     assert "natural frequencies among the results" in flexcam(*words, "--resume", "--scalars", "frequency.2").err
     assert flexcam(*words, "--overwrite", "--scalars", "frequency.0").code == 2
+    assert "The model has no more modes" in flexcam(*words, "--overwrite", "--scalars", "deviation,frequency.999").err
