@@ -42,7 +42,7 @@ def build_system(model: Model, speed: float) -> System:
     damping, joints = _at_any_speed(structure)
     couplings = [*contacts, *joints, Coupling(given_loads(structure), (), ()), couple_films(structure, speed)]
     terms = list(zip(couplings, split_observation(couplings), strict=True))
-    reactions = support_channels(structure, terms, lambda released: _couple_released(released, speed))
+    reactions = support_channels(structure, terms, lambda released: _reaction_couplings(released, speed))
     return assemble_system(structure, damping, couplings, reactions)
 
 
@@ -89,7 +89,7 @@ def _joints_and_loads(structure: Structure) -> tuple[Coupling, ...]:
     return (*_joints(structure), Coupling(given_loads(structure), (), ()))
 
 
-def _couple_released(structure: Structure, speed: float) -> list[Coupling]:
+def _reaction_couplings(structure: Structure, speed: float) -> list[Coupling]:
     """Return the couplings of a structure with released supports in the order of the system.
 
     Published loads are left out: their stiffness is that of the supported structure.
