@@ -39,11 +39,10 @@ def build_system(model: Model, speed: float) -> System:
     """Return the system of the flexible mechanism."""
     structure = build_structure(model)
     contacts = couple_contacts(structure, lambda name: couple_contact(structure, name, model.contacts[name], speed))
-    damping, joints = _at_any_speed(structure)
-    couplings = [*contacts, *joints, Coupling(given_loads(structure), (), ()), couple_films(structure, speed)]
+    couplings = [*contacts, *_joints_and_loads(structure), couple_films(structure, speed)]
     terms = list(zip(couplings, split_observation(couplings), strict=True))
     reactions = support_channels(structure, terms, lambda released: _reaction_couplings(released, speed))
-    return assemble_system(structure, damping, couplings, reactions)
+    return assemble_system(structure, _damping(structure), couplings, reactions)
 
 
 def couple_contacts(structure: Structure, couple: Callable[[str], Coupling]) -> list[Coupling]:
@@ -73,20 +72,10 @@ def _probes(structure: Structure) -> tuple[Probe, ...]:
 
 
 @lru_cache(maxsize=4)
-def _at_any_speed(structure: Structure) -> tuple[Triplets, tuple[Coupling, ...]]:
-    return structure.dampers + _damping(structure), _joints(structure)
-
-
-def _joints(structure: Structure) -> tuple[Coupling, ...]:
-    """Return the couplings other than contacts and loads."""
-    parts = lever_joints, couple_springs, couple_friction, geometric_stiffness_forces, shaft_channels
-    return tuple(couple(structure) for couple in parts)
-
-
-@lru_cache(maxsize=4)
 def _joints_and_loads(structure: Structure) -> tuple[Coupling, ...]:
     """Return the couplings other than contacts and films, in the order of the system."""
-    return (*_joints(structure), Coupling(given_loads(structure), (), ()))
+    parts = lever_joints, couple_springs, couple_friction, geometric_stiffness_forces, shaft_channels
+    return (*(couple(structure) for couple in parts), Coupling(given_loads(structure), (), ()))
 
 
 def _reaction_couplings(structure: Structure, speed: float) -> list[Coupling]:
@@ -117,9 +106,10 @@ def couple_contact(structure: Structure, name: str, contact: Contact, speed: flo
             return couple_adjuster(structure, name, contact)
 
 
+@lru_cache(maxsize=4)
 def _damping(structure: Structure) -> Triplets:
     terms = structure.model.damping
-    matrix = rayleigh_damping(structure.mass, structure.stiffness, terms.alpha, terms.beta)
+    matrix = structure.dampers + rayleigh_damping(structure.mass, structure.stiffness, terms.alpha, terms.beta)
     if terms.modal == 0.0:
         return matrix
     if structure.dofs.size > _MODAL_LIMIT:
