@@ -76,7 +76,7 @@ def test_interrupted_inner_run_ends_study(where, ask, monkeypatch):
 
 @pytest.mark.parametrize(
     "study",
-    slow_if(lambda name: name in ("orders", "stability", "trade"), STUDIES),
+    slow_if(lambda name: name not in ("campbell", "models"), STUDIES),
 )
 def test_progress_is_reported_for_each_run(study):
     _, path, ask = STUDIES[study]

@@ -228,7 +228,7 @@ def test_derivative_of_bounce_by_initial_height(record, case_of):
                computed=float(computed), tolerance=1e-8, reason=reason)  # fmt: skip
 
 
-@pytest.mark.parametrize("method", ["bathe", "dop853"])
+@pytest.mark.parametrize("method", slow_if(lambda name: name == "dop853", ["bathe", "dop853"]))
 def test_rebounds_within_a_step_obey_restitution(case_of, method):
     """Half an oscillation on the stiffness of the floor is shorter than a step: no end of a step lies in contact."""
     case = case_of(
