@@ -357,8 +357,9 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
     if not len(first.time):
         return
     starts = [first]
-    with suppress(RunFailedError):  # gas presses a valve on its seat that its spring opens
-        starts += [solve(unloaded, newmark()) for unloaded in _without_tables(problem)]
+    if any(isinstance(load.history, LoadTable) for load in problem.system.loads):
+        with suppress(RunFailedError):  # gas presses a valve on its seat that its spring opens
+            starts.append(solve(_without_tables(problem), newmark()))
     forces = [start.channels for start in starts if len(start.time)]
 
     def force(name: str) -> float:
@@ -397,16 +398,13 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
             yield f"Warning: contacts.{name}: {why}; add the seat of the valve, such as [contacts.seat]"
 
 
-def _without_tables(problem: Problem) -> Iterator[Problem]:
-    """Yield a step of a problem from equilibrium without its loads from tables, if it has any."""
-    system, loads = problem.system, problem.system.loads
-    if not any(isinstance(load.history, LoadTable) for load in loads):
-        return
-    zero = np.zeros(system.size)
-    loads = tuple(replace(load, vector=zero) if isinstance(load.history, LoadTable) else load for load in loads)
-    system = replace(system, loads=loads)
+def _without_tables(problem: Problem) -> Problem:
+    """Return a step of a problem from equilibrium without its loads from tables."""
+    system, zero = problem.system, np.zeros(problem.system.size)
+    loads = (replace(load, vector=zero) if isinstance(load.history, LoadTable) else load for load in system.loads)
+    system = replace(system, loads=tuple(loads))
     start = equilibrium(system, problem.drive)
-    yield replace(problem, system=system, start=start, steps=1, engine="direct", adaptive=None)
+    return replace(problem, system=system, start=start, steps=1, engine="direct", adaptive=None)
 
 
 def _cam_lashes(model: Model) -> list[str]:

@@ -164,15 +164,15 @@ def evaluate(
         save = ready.save if alone else _SPARSE_OUTPUT
         balanced = bool(sinks) or names is None or any(name.startswith("energy.") for name in names)
         save = replace(save, channels=channels or bool(sinks), energies=balanced)
-        monitor = RunMonitor.of(replace(ready, save=save))
-        if names is None:  # the few fields of sparse output do not show the resolution
+        monitor = None if names is not None else RunMonitor.of(replace(ready, save=save))
+        if monitor:  # the few fields of sparse output do not show the resolution
             sinks += monitor.sinks if alone else monitor.sinks[:1]
         response = solve(replace(ready.problem, runs=runs), ready.scheme, save=save, sinks=sinks, until=until)
         if not response.status.ok:
             return Row(response.status)
         figures = compute_scalars(ready, response, names)
         values, units = {f.name: f.value for f in figures}, {f.name: f.unit for f in figures}
-        warnings = _short_warnings(ready, monitor, response, figures) if names is None else []
+        warnings = _short_warnings(ready, monitor, response, figures) if monitor else []
         if choice is None:
             return Row(Status(text=" | ".join(warnings)) if warnings else response.status, values, units)
         words = f"{choice.evaluation.rung}, {choice.evaluation.steps} steps per revolution"
@@ -187,7 +187,7 @@ def _short_warnings(ready: PreparedRun, monitor: RunMonitor, response: Response,
     """Return the warnings about the lobes and the motion of a run, without their remedies."""
     oiled = any(isinstance(part, Adjuster) for part in ready.model.contacts.values())
     sentences = [
-        *check_lobes(ready.model),  # other checks of the input concern the case rather than a variant
+        *check_lobes(ready.model),  # other checks of the input would take as long as a short run
         *check_motion(ready, monitor, figures, response.stats),
         *(check_transient(ready, revolution_change(ready, response)) if oiled else ()),
     ]

@@ -183,7 +183,8 @@ def _evaluate_with_frequencies(
         if not row.status.ok:
             return row
         if not mode.status.ok:
-            return replace(row, status=Status(text=" | ".join(filter(None, (row.status.text, mode.status.text)))))
+            texts = [status.text for status in (row.status, mode.status) if status != Status()]
+            return replace(row, status=Status(text=" | ".join(texts)))
         return replace(row, scalars={**row.scalars, **mode.scalars}, units={**row.units, **mode.units})
 
     return list(map(merge, rows, modes))
@@ -214,10 +215,12 @@ def make_sweep(
         raise refuse(where, "true", "false", why, "--set fidelity.estimate=false")
     names = tuple(scalars or (defaults.scalars if defaults else ()))
     frequencies = tuple(name for name in names if is_frequency(first, name))
-    check_names(file, plan, [name for name in names if name not in frequencies])
+    others = [name for name in names if name not in frequencies]
+    check_names(file, plan, others)
     bundle, size = make_bundle(file, plan), chunk_size(plan, first)
-    channels = not are_probe_scalars([name for name in names if name not in frequencies])
-    return Sweep(first.name, first.record.title, plan, bundle, size, names, channels, frequencies)
+    return Sweep(
+        first.name, first.record.title, plan, bundle, size, names, not are_probe_scalars(others), frequencies
+    )  # fmt: skip
 
 
 def _check_units(file: CaseFile, axes: Sequence[Axis]) -> None:

@@ -29,7 +29,7 @@ def support_channels(
     `terms` begin with the contacts of the model; `couple` returns the couplings of another structure in their order.
     """
     for name, node, axis in rotation_supports(structure.model):
-        held = np.flatnonzero(axis)
+        held = np.flatnonzero((axis != 0.0) & ~structure.dofs.moving[node, 3:])
         torque = _Reaction(partial(_balance, structure, terms, couple, node, 3 + held))
         yield Channel(f"supports.{name}.torque", "N m", _combine(torque, axis[held]))
     for node, (name, held) in _requested_nodes(structure.model).items():

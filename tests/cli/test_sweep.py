@@ -380,4 +380,11 @@ def test_frequencies_are_columns_on_request(flexcam, case, tmp_path):
     np.testing.assert_allclose(table["frequency.1"], hertz, rtol=1e-12)
     assert "natural frequencies among the results" in flexcam(*words, "--resume", "--scalars", "frequency.2").err
     assert flexcam(*words, "--overwrite", "--scalars", "frequency.0").code == 2
-    assert "The model has no more modes" in flexcam(*words, "--overwrite", "--scalars", "deviation,frequency.999").err
+    failed = flexcam(*words, "--overwrite", "--scalars", "deviation,frequency.999").err
+    assert "The model has no more modes" in failed
+    assert "run is complete" not in failed
+
+
+def test_sweep_warns_of_values_of_last_variant(flexcam, case, tmp_path):
+    words = ("--set", "masses.valve.mass=90,90000g", "--scalars", "deviation", "--workers", "0", "-o", tmp_path)
+    assert flexcam("sweep", case, *QUICK, *words).err.count("90000g (90 kg) is unusual") == 1

@@ -317,6 +317,12 @@ def test_studies_print_input_warnings_once(flexcam, tmp_path, monkeypatch, comma
     assert "30kg (30 kg) is unusual" not in done.out
 
 
+def test_modes_do_not_warn_of_time_steps(flexcam):
+    words = (CASE, "--set", "run.steps_per_revolution=36")
+    assert "36 steps per revolution" in flexcam("check", *words).out
+    assert "steps per revolution" not in flexcam("modes", *words).err
+
+
 def test_failed_equilibrium_names_implausible_values():
     """A pushrod of 207 Pa cannot carry the spring force: the cause is the modulus, not the contact."""
     with pytest.raises(RunFailedError, match=r"materials\.steel\.E .*did you mean 207 GPa\?"):

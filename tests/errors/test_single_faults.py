@@ -79,6 +79,8 @@ FAULTS = {
     "point of a rocker": ('from = "pushrod-top"', 'from = "pushrod"', "rockers.rocker.from", "'pushrod'", "did you mean 'pushrod-top'"),
     "cam at a rocker's point": ('at = "cam"\nlaw', 'at = "valve"\nlaw', "cams.intake.at", "'valve'", "point"),
     "support": ("\nfront = [\"uy\"", "\nfrnt = [\"uy\"", "supports.frnt", "'frnt'", "did you mean 'front'"),
+    "reaction of a free point": ("[output]", '[output]\nreactions = ["cam"]', "output.reactions", "'cam'", "a support of the case"),
+    "reaction of a bearing": ("[output]", '[bearings]\nmiddle = { at = "cam", stiffness = "9 MN/m" }\n[output]\nreactions = ["cam"]', "output.reactions", "'cam'", "is no support"),
     "component held": ('tappet = ["ux", "uz", "ry"]', 'tappet = ["ux", "uz", "yr"]', "supports.tappet", "'yr'", "did you mean 'ry'"),
     "direction": ('direction = "uy"', 'direction = "uyy"', "springs.valve.direction", "'uyy'", "did you mean 'uy'"),
     "point of a rocker named like a node": ('to = "valve"', 'to = "cam"', "rockers.rocker.to", "'cam'", ""),
